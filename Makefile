@@ -1,0 +1,107 @@
+# make            builds build/oneray
+# make demo       sets up what is missing, renders and verifies the canonical scenes, leaves build/report/index.html
+# make test       sets up what is missing and runs all tests
+# make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
+# make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
+
+BUILD   ?= build
+CC      ?= cc
+# -ffp-contract=off: the same bits whether or not the processor has fused multiply-add.
+# -fno-math-errno, -fno-trapping-math: no result changes; sqrt needs no call, a select needs no branch.
+CFLAGS  ?= -O2 -g
+WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror
+# expat: the XML parser; OpenEXR (its C library, OpenEXRCore): the pictures.
+PACKAGES := expat OpenEXR
+ALL_CFLAGS = -std=c99 -D_POSIX_C_SOURCE=200809L $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
+PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
+
+# A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512.
+MACHINE := $(shell $(CC) -dumpmachine 2>/dev/null)
+ifneq (,$(findstring x86_64,$(MACHINE)))
+KERNEL_LIST := double:8:2 double:4:1 double:2:0 double:1:0 single:16:2 single:8:1 single:4:0 single:1:0
+FLAGS_1 := -march=x86-64-v3
+FLAGS_2 := -march=x86-64-v4
+CPU_FLAGS := $(shell grep -m1 '^flags' /proc/cpuinfo 2>/dev/null)
+NATIVE := $(if $(filter avx512dq,$(CPU_FLAGS)),double:8:2 single:16:2,$(if $(filter avx2,$(CPU_FLAGS)),double:4:1 \
+    single:8:1,double:2:0 single:4:0))
+else
+KERNEL_LIST := double:2:0 double:1:0 single:4:0 single:1:0
+NATIVE := double:2:0 single:4:0
+endif
+ifeq ($(LANES),native)
+KERNEL_LIST := $(NATIVE)
+endif
+KERNEL_FLAGS := $(if $(filter generic,$(KERNELS)),-DONLY_GENERIC)
+
+part = $(word $(2),$(subst :, ,$(1)))
+SOURCES := $(wildcard src/oneray/*.c)
+HEADERS := $(wildcard src/oneray/*.h)
+PLAIN_OBJECTS := $(patsubst src/oneray/%.c,$(BUILD)/%.o,$(filter-out src/oneray/kernel.c,$(SOURCES)))
+KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call part,$(k),1)_$(call part,$(k),2).o)
+KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
+
+.PHONY: all demo test references thorough report benchmark clean setup
+all: $(BUILD)/oneray
+
+$(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
+	$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
+
+$(BUILD)/%.o: src/oneray/%.c $(HEADERS) Makefile | $(BUILD)
+	$(CC) $(ALL_CFLAGS) $(PKG_CFLAGS) -D'KERNELS(X)=$(KERNEL_TABLE)' -c $< -o $@
+
+define kernel_rule
+$$(BUILD)/kernel_$(call part,$(1),1)_$(call part,$(1),2).o: src/oneray/kernel.c $$(HEADERS) Makefile | $$(BUILD)
+	$$(CC) $$(ALL_CFLAGS) $$(FLAGS_$(call part,$(1),3)) $(if $(filter single:%,$(1)),-DSINGLE) $$(KERNEL_FLAGS) \
+	    -DLANES=$(call part,$(1),2) -DKERNEL=kernel_$(call part,$(1),1)_$(call part,$(1),2) -c $$< -o $$@
+endef
+$(foreach k,$(KERNEL_LIST),$(eval $(call kernel_rule,$(k))))
+
+$(BUILD):
+	mkdir -p $@
+
+# ---- What the targets below need is set up when it is missing: system packages, then Python packages in .venv.
+VENV   := .venv
+PYTHON := $(VENV)/bin/python
+RAYCHECK := $(VENV)/bin/raycheck
+
+$(BUILD)/.system: scripts/setup.sh | $(BUILD)
+	scripts/setup.sh
+	touch $@
+$(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
+	scripts/setup.sh clang patch libllvm19
+	touch $@
+$(PYTHON): | $(BUILD)/.system
+	python3 -m venv $(VENV)
+	$(PYTHON) -m pip install --quiet --upgrade pip
+$(VENV)/.demo: pyproject.toml | $(PYTHON)
+	$(PYTHON) -m pip install --quiet -e .
+	touch $@
+$(VENV)/.test: pyproject.toml | $(PYTHON)
+	$(PYTHON) -m pip install --quiet -e '.[mitsuba,test]'
+	touch $@
+
+# A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up.
+demo: $(BUILD)/.system $(VENV)/.demo
+	$(MAKE) all
+	$(RAYCHECK) verify --json $(BUILD)/verification.json || test $$? -ne 2
+	$(RAYCHECK) report --verification $(BUILD)/verification.json -o $(BUILD)/report
+	@echo "Open $(BUILD)/report/index.html"
+
+test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
+	$(MAKE) all
+	$(PYTHON) -m ruff check src scripts tests
+	$(PYTHON) -m pytest -n 2 --dist loadgroup
+
+references: $(BUILD)/.system-test $(VENV)/.test
+	$(PYTHON) scripts/make_references.py
+
+thorough: $(BUILD)/.system $(VENV)/.demo
+	$(MAKE) all
+	$(RAYCHECK) verify --thorough --json references/verification.json
+
+benchmark: $(BUILD)/.system-test $(VENV)/.test
+	$(MAKE) all
+	$(PYTHON) scripts/benchmark.py
+
+clean:
+	rm -rf $(BUILD)

@@ -1,0 +1,37 @@
+#!/bin/sh
+# Installs the system packages that are missing: setup.sh [PACKAGE …] beside the ones that every build needs.
+# As root or with passwordless sudo it installs them; else it prints the one line to run and fails.
+set -eu
+
+missing=
+need() { # need PACKAGE COMMAND…: the package is missing unless the command succeeds
+    package=$1
+    shift
+    "$@" >/dev/null 2>&1 || missing="$missing $package"
+}
+need gcc sh -c 'command -v "${CC:-cc}"'
+need pkg-config sh -c 'command -v pkg-config'
+need libexpat1-dev pkg-config --exists expat
+need libopenexr-dev pkg-config --exists OpenEXR
+need python3-venv python3 -c 'import ensurepip, venv'
+for package in "$@"; do
+    case $package in
+    libllvm*) need "$package" sh -c "ls /usr/lib/*/libLLVM*19* /usr/lib/libLLVM*19*" ;;
+    *) need "$package" sh -c "command -v $package" ;;
+    esac
+done
+[ -z "$missing" ] && exit 0
+
+run="apt-get update -qq && apt-get install -y --no-install-recommends$missing"
+if ! command -v apt-get >/dev/null 2>&1; then
+    echo "Please install (by their Debian names):$missing" >&2
+    exit 1
+elif [ "$(id -u)" = 0 ]; then
+    DEBIAN_FRONTEND=noninteractive sh -c "$run" >&2
+elif sudo -n true 2>/dev/null; then
+    sudo -n DEBIAN_FRONTEND=noninteractive sh -c "$run" >&2
+else
+    echo "Some system packages are missing. Please run:" >&2
+    echo "    sudo sh -c '$run'" >&2
+    exit 1
+fi

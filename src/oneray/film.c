@@ -1,0 +1,201 @@
+#include "film.h"
+
+#include "message.h"
+#include "output.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static size_t pixel_count(const Film *film) { return (size_t)film->width * (size_t)film->height; }
+static uint64_t layer_first(Layer layer) { return layer.index << layer.level; }
+static uint64_t layer_end(Layer layer) { return (layer.index + 1) << layer.level; }
+
+uint64_t film_first(const Film *film) { return film->layer_count ? layer_first(film->layers[0]) : 0; }
+uint64_t film_samples(const Film *film)
+{
+    return film->layer_count ? layer_end(film->layers[film->layer_count - 1]) - film_first(film) : 0;
+}
+
+int film_block_level(uint64_t first, uint64_t count)
+{
+    int level = 0;
+    while (level < FILM_BLOCK_LEVEL && first % ((uint64_t)2 << level) == 0 && count >= (uint64_t)2 << level)
+        level++;
+    return level;
+}
+
+/* a += b, where both hold n samples: the sums add; Σ(x-m)² = Σa + Σb + (Sb - Sa)²/2n. Chan, Golub, LeVeque, Updating
+   Formulae and a Pairwise Algorithm for Computing Sample Variances, 1979. Equal samples leave exactly zero. */
+static void join_equal(double a[6], const double b[6], double n)
+{
+    for (int c = 0; c < 3; c++) {
+        double difference = b[c] - a[c];
+        a[3 + c] = a[3 + c] + b[3 + c] + difference * difference / (2 * n);
+        a[c] += b[c];
+    }
+}
+
+/* The same for na and nb samples. */
+static void join(double a[6], double na, const double b[6], double nb)
+{
+    for (int c = 0; c < 3; c++) {
+        double difference = b[c] / nb - a[c] / na;
+        a[3 + c] = a[3 + c] + b[3 + c] + difference * difference * (na * nb / (na + nb));
+        a[c] += b[c];
+    }
+}
+
+int64_t film_reduce(const double *radiance, int level, double node[6])
+{
+    double pending[FILM_BLOCK_LEVEL + 1][6];    /* the left sibling that waits at each level */
+    for (int64_t i = 0; i < (int64_t)1 << level; i++) {
+        const double *sample = radiance + 3 * i;
+        for (int c = 0; c < 3; c++) {
+            if (!(sample[c] >= 0 && sample[c] <= DBL_MAX))
+                return i;
+            node[c] = sample[c];
+            node[3 + c] = 0;
+        }
+        int at = 0;
+        for (; i >> at & 1; at++) {
+            join_equal(pending[at], node, ldexp(1, at));
+            memcpy(node, pending[at], sizeof pending[at]);
+        }
+        memcpy(pending[at], node, sizeof pending[at]);
+    }
+    return -1;
+}
+
+void film_add(Film *film, Layer layer)
+{
+    while (film->layer_count) {
+        Layer last = film->layers[film->layer_count - 1];
+        if (last.level != layer.level || last.index + 1 != layer.index || last.index % 2)
+            break;
+        for (size_t i = 0; i < pixel_count(film); i++)
+            join_equal(last.pixels + 6 * i, layer.pixels + 6 * i, ldexp(1, layer.level));
+        free(layer.pixels);
+        layer = (Layer){last.level + 1, last.index / 2, last.pixels};
+        film->layer_count--;
+    }
+    film->layers = reallocate(film->layers, (size_t)film->layer_count + 1, sizeof *film->layers);
+    film->layers[film->layer_count++] = layer;
+}
+
+int film_estimate(const Film *film, float *mean, float *standard_error)
+{
+    double n = (double)film_samples(film);
+    for (size_t i = 0; i < pixel_count(film); i++) {
+        double sum[6] = {0}, count = 0;
+        for (int k = 0; k < film->layer_count; k++) {
+            double more = ldexp(1, film->layers[k].level);
+            const double *node = film->layers[k].pixels + 6 * i;
+            if (k == 0)
+                memcpy(sum, node, sizeof sum);
+            else
+                join(sum, count, node, more);
+            count += more;
+        }
+        for (int c = 0; c < 3; c++) {
+            mean[3 * i + (size_t)c] = (float)(sum[c] / n);
+            if (n > 1)
+                standard_error[3 * i + (size_t)c] = (float)sqrt(sum[3 + c] / (n - 1) / n);
+        }
+    }
+    return n > 1;
+}
+
+void film_write(const Film *film, const char *file)
+{
+    char temporary[OUTPUT_NAME];
+    output_name(file, temporary);
+    FILE *stream = fopen(temporary, "wb");
+    if (!stream)
+        output_failed(file);
+    fprintf(stream, "oneray film 1\n%s\n%d %d %d\n", film->identity, film->width, film->height, film->layer_count);
+    for (int k = 0; k < film->layer_count; k++) {
+        fprintf(stream, "%d %llu\n", film->layers[k].level, (unsigned long long)film->layers[k].index);
+        fwrite(film->layers[k].pixels, 6 * sizeof(double), pixel_count(film), stream);
+    }
+    int bad = ferror(stream);
+    if (fclose(stream) || bad)
+        output_failed(file);
+    output_done(file, temporary);
+}
+
+Film film_read(const char *file)
+{
+    Film film = {0};
+    int layers = 0;
+    FILE *stream = fopen(file, "rb");
+    if (!stream)
+        die("%s: cannot be read", file);
+    if (fscanf(stream, "oneray film 1\n%1023[^\n]\n%d %d %d", film.identity, &film.width, &film.height, &layers) != 4
+        || film.width < 1 || film.height < 1 || layers < 1 || layers > 128 || fgetc(stream) != '\n'
+        || (double)film.width * film.height > 1 << 28)
+        die("%s: is not a film of this version of oneray (--film makes them)", file);
+    for (int k = 0; k < layers; k++) {
+        Layer layer;
+        unsigned long long index;
+        if (fscanf(stream, "%d %llu", &layer.level, &index) != 2 || layer.level < 0 || layer.level > 62
+            || fgetc(stream) != '\n')
+            die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
+        layer.index = index;
+        layer.pixels = allocate(pixel_count(&film), 6 * sizeof(double));
+        if (fread(layer.pixels, 6 * sizeof(double), pixel_count(&film), stream) != pixel_count(&film))
+            die("%s: the film ends early (layer %d of %d)", file, k + 1, layers);
+        film_add(&film, layer);
+    }
+    if (fgetc(stream) != EOF)
+        die("%s: the film is damaged (more than its %d layers)", file, layers);
+    fclose(stream);
+    return film;
+}
+
+void film_collect(Film *film, Film *from, const char *name)
+{
+    if (!film->layer_count && !film->width) {
+        *film = *from;
+        return;
+    }
+    if (strcmp(film->identity, from->identity) || film->width != from->width || film->height != from->height)
+        die("%s: is a film of something else (%s, %dx%d) than the first (%s, %dx%d)", name, from->identity, from->width,
+            from->height, film->identity, film->width, film->height);
+    film->layers = reallocate(film->layers, (size_t)(film->layer_count + from->layer_count), sizeof *film->layers);
+    memcpy(film->layers + film->layer_count, from->layers, (size_t)from->layer_count * sizeof *film->layers);
+    film->layer_count += from->layer_count;
+    free(from->layers);
+}
+
+static int by_first_sample(const void *a, const void *b)
+{
+    uint64_t first_a = layer_first(*(const Layer *)a), first_b = layer_first(*(const Layer *)b);
+    return (first_a > first_b) - (first_a < first_b);
+}
+
+void film_close(Film *film)
+{
+    Film sorted = *film;
+    qsort(film->layers, (size_t)film->layer_count, sizeof *film->layers, by_first_sample);
+    sorted.layers = NULL;
+    sorted.layer_count = 0;
+    for (int k = 0; k < film->layer_count; k++) {
+        uint64_t first = layer_first(film->layers[k]), end = film_first(&sorted) + film_samples(&sorted);
+        if (k && first != end)
+            die("merge: samples %llu to %llu are %s", (unsigned long long)(first < end ? first : end),
+                (unsigned long long)(first < end ? end : first) - 1, first < end ? "in two films" : "in no film");
+        film_add(&sorted, film->layers[k]);
+    }
+    free(film->layers);
+    *film = sorted;
+}
+
+void film_free(Film *film)
+{
+    for (int k = 0; k < film->layer_count; k++)
+        free(film->layers[k].pixels);
+    free(film->layers);
+}

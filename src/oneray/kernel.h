@@ -1,0 +1,39 @@
+/* A kernel: the tracer compiled for one precision and one number of lanes. What main knows of it. */
+#ifndef ONERAY_KERNEL_H
+#define ONERAY_KERNEL_H
+
+#include "description.h"
+#include "technique.h"
+
+#include <stddef.h>
+
+/* A run of samples: pixels first_pixel … in reading order, for each the samples first_sample …, and where they go:
+   radiance[(pixel * sample_count + sample) * 3 + channel]. */
+typedef struct {
+    uint64_t seed, first_sample, first_pixel;
+    size_t sample_count, pixel_count;
+    double *radiance;
+} Job;
+
+typedef struct {
+    uint64_t rays, shadow_rays;
+    int64_t endless;                    /* a pixel whose path did not end within PATH_LIMIT vertices, or -1 */
+} Counters;
+
+typedef struct {
+    const char *precision;
+    int lanes;
+    void *(*prepare)(const Description *description, const Technique *technique);
+    Features (*features)(const void *scene);
+    const char *(*instance)(const void *scene);                 /* the name of the instance that will run */
+    void (*render)(const void *scene, const Job *job, Counters *counters, int generic);
+    void (*release)(void *scene);
+} Kernel;
+
+/* The widest kernel of this precision that the processor runs, or the one with this many lanes; NULL: there is none. */
+const Kernel *kernel_find(const char *precision, int lanes);
+/* All that were built, whether or not they run here; NULL at the end. */
+const Kernel *kernel_built(int i);
+int kernel_runs(const Kernel *kernel);
+
+#endif

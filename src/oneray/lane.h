@@ -1,0 +1,255 @@
+/* Lanes: W numbers side by side. Everything that runs per path is written once over Real, reads like the scalar formula
+   and follows W paths at once. LANES (W) and SINGLE come from the compiler's command line, one compilation for each.
+
+   With W = 1 a Real is a plain number and any C99 compiler will do; else it is the vector type that gcc and clang share.
+   Every operation here is exact or correctly rounded, or a fixed sequence of such, and contraction is off: a lane's bits
+   depend neither on W nor on the compiler nor on the processor. */
+#ifndef ONERAY_LANE_H
+#define ONERAY_LANE_H
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifndef LANES
+#define LANES 1
+#endif
+
+#if LANES > 1 && defined(__SSE2__)
+#include <immintrin.h>
+#endif
+#if LANES == 1 && defined(__clang__)
+#pragma clang diagnostic ignored "-Wbitwise-instead-of-logical" /* & of two masks is meant, also of one lane each */
+#endif
+
+#ifdef SINGLE
+typedef float Num;
+typedef int32_t Int;
+typedef uint32_t Word;
+#define NUM_MAX 3.402823466e+38F
+#define NUM_BYTES 4
+#define SQRT sqrtf
+#define VECTOR_SQRT(prefix) prefix##_sqrt_ps
+#else
+typedef double Num;
+typedef int64_t Int;
+typedef uint64_t Word;
+#define NUM_MAX 1.7976931348623157e+308
+#define NUM_BYTES 8
+#define SQRT sqrt
+#define VECTOR_SQRT(prefix) prefix##_sqrt_pd
+#endif
+#define VECTOR_BYTES (LANES * NUM_BYTES)
+#define SIGN_BIT ((uint64_t)1 << (8 * NUM_BYTES - 1))
+
+#define INLINE static inline __attribute__((always_inline, unused))
+
+#if LANES == 1
+typedef Num Real;
+typedef Int Index;
+typedef Word Bits;
+#else
+typedef Num Real __attribute__((vector_size(VECTOR_BYTES)));
+typedef Int Index __attribute__((vector_size(VECTOR_BYTES)));
+typedef Word Bits __attribute__((vector_size(VECTOR_BYTES)));
+#endif
+
+/* What a comparison gives: all ones where true, zero elsewhere (for W = 1 one or zero, as C has it). Combine with & and |. */
+typedef Index Mask;
+
+/* The bits of a Real, and back. */
+INLINE Bits real_bits(Real a) { Bits b; memcpy(&b, &a, sizeof b); return b; }
+INLINE Real bits_real(Bits a) { Real b; memcpy(&b, &a, sizeof b); return b; }
+
+/* The same number in every lane. */
+INLINE Real real(double a)
+{
+#if LANES == 1
+    return (Num)a;
+#else
+    return (Real){0} + (Num)a;
+#endif
+}
+
+INLINE Index index_of(int64_t a)
+{
+#if LANES == 1
+    return (Int)a;
+#else
+    return (Index){0} + (Int)a;
+#endif
+}
+
+INLINE Bits bits_of(uint64_t a)
+{
+#if LANES == 1
+    return (Word)a;
+#else
+    return (Bits){0} + (Word)a;
+#endif
+}
+
+/* One lane's number, and setting it. */
+#if LANES == 1
+#define LANE(a, i) (a)
+#else
+#define LANE(a, i) ((a)[i])
+#endif
+
+#if LANES == 1
+INLINE Mask mask_none(void) { return 0; }
+INLINE Mask mask_all(void) { return 1; }
+INLINE Mask mask_not(Mask m) { return !m; }
+INLINE int any(Mask m) { return m != 0; }
+INLINE Real select(Mask m, Real a, Real b) { return m ? a : b; }
+INLINE Index index_select(Mask m, Index a, Index b) { return m ? a : b; }
+#else
+INLINE Mask mask_none(void) { return (Mask){0}; }
+INLINE Mask mask_all(void) { return (Mask){0} - 1; }
+INLINE Mask mask_not(Mask m) { return ~m; }
+INLINE Real select(Mask m, Real a, Real b)
+{
+    return bits_real(((Bits)m & real_bits(a)) | (~(Bits)m & real_bits(b)));
+}
+INLINE Index index_select(Mask m, Index a, Index b) { return (m & a) | (~m & b); }
+#endif
+
+/* Is any lane true? */
+#if LANES > 1
+INLINE int any(Mask m)
+{
+#if VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
+#elif VECTOR_BYTES == 32 && defined(__AVX2__)
+    return !_mm256_testz_si256((__m256i)m, (__m256i)m);
+#elif VECTOR_BYTES == 16 && defined(__SSE2__)
+    return _mm_movemask_epi8((__m128i)m) != 0;
+#else
+    Int all = 0;
+    for (int i = 0; i < LANES; i++)
+        all |= m[i];
+    return all != 0;
+#endif
+}
+#endif
+
+INLINE Mask and_not(Mask a, Mask b) { return a & mask_not(b); }              /* a and not b */
+INLINE Real only(Mask m, Real a) { return select(m, a, real(0)); }           /* a, or 0 where not m */
+
+INLINE Real real_min(Real a, Real b) { return select(a < b, a, b); }
+INLINE Real real_max(Real a, Real b) { return select(a > b, a, b); }
+INLINE Real real_abs(Real a) { return bits_real(real_bits(a) & ~bits_of(SIGN_BIT)); }
+
+/* a with its sign flipped where b is negative (or -0). */
+INLINE Real flip_sign(Real a, Real b)
+{
+    return bits_real(real_bits(a) ^ (real_bits(b) & bits_of(SIGN_BIT)));
+}
+
+INLINE Real real_sqrt(Real a)
+{
+#if LANES == 1
+    return SQRT(a);
+#elif VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return (Real)VECTOR_SQRT(_mm512)(a);
+#elif VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)VECTOR_SQRT(_mm256)(a);
+#elif VECTOR_BYTES == 16 && defined(__SSE2__)
+    return (Real)VECTOR_SQRT(_mm)(a);
+#else
+    Real b;
+    for (int i = 0; i < LANES; i++)
+        b[i] = SQRT(a[i]);
+    return b;
+#endif
+}
+
+/* table[i] for each lane's i. */
+INLINE Real gather(const Num *table, Index i)
+{
+#if LANES == 1
+    return table[i];
+#else
+    Real a;
+    for (int lane = 0; lane < LANES; lane++)
+        a[lane] = table[i[lane]];
+    return a;
+#endif
+}
+
+INLINE Index gather_index(const Int *table, Index i)
+{
+#if LANES == 1
+    return table[i];
+#else
+    Index a;
+    for (int lane = 0; lane < LANES; lane++)
+        a[lane] = table[i[lane]];
+    return a;
+#endif
+}
+
+/* The integer part of a, 0 <= a < 2^22 (single) or 2^51 (double): adding 1.5·2^23 or 1.5·2^52 leaves the nearest
+   integer in the low bits of the fraction. */
+INLINE Index real_floor(Real a)
+{
+#ifdef SINGLE
+    const Real big = real(12582912.0);
+#else
+    const Real big = real(6755399441055744.0);
+#endif
+    Real nearest = (a + big) - big;
+    Bits low = real_bits(nearest + big) - real_bits(big);
+    return (Index)low - index_select(nearest > a, index_of(1), index_of(0));
+}
+
+#define REAL_PI real(3.14159265358979323846)
+#define REAL_INV_PI real(0.318309886183790671538)
+
+/* sine and cosine of 2π u, 0 <= u < 1. The angle is folded to an eighth of a turn either side of the nearest quarter;
+   there the Taylor series reach 1e-17 (double: x^15, x^16) or 1e-8 (single: x^7, x^8). */
+INLINE void sincos_turn(Real u, Real *sine, Real *cosine)
+{
+    Real quarters = real(4) * u;
+    Index quarter = real_floor(quarters + real(0.5));
+#ifdef SINGLE
+    const Real big = real(12582912.0);
+#else
+    const Real big = real(6755399441055744.0);
+#endif
+    Real x = (quarters - (bits_real((Bits)quarter + real_bits(big)) - big)) * real(1.57079632679489661923);
+    Real xx = x * x;
+    Real s = real(-1 / 5040.0), c = real(1 / 40320.0);
+#ifndef SINGLE
+    s = real(-1 / 1307674368000.0) * xx + real(1 / 6227020800.0);
+    s = (s * xx - real(1 / 39916800.0)) * xx + real(1 / 362880.0);
+    s = s * xx - real(1 / 5040.0);
+    c = real(1 / 20922789888000.0) * xx - real(1 / 87178291200.0);
+    c = (c * xx + real(1 / 479001600.0)) * xx - real(1 / 3628800.0);
+    c = c * xx + real(1 / 40320.0);
+#endif
+    s = ((s * xx + real(1 / 120.0)) * xx - real(1 / 6.0)) * xx * x + x;
+    c = (((c * xx - real(1 / 720.0)) * xx + real(1 / 24.0)) * xx - real(0.5)) * xx + real(1);
+    Mask odd = (quarter & 1) != 0, upper = ((quarter + 1) & 2) != 0, lower = (quarter & 2) != 0;
+    Real sine_of = select(odd, c, s), cosine_of = select(odd, s, c);
+    *sine = select(lower, -sine_of, sine_of);
+    *cosine = select(upper, -cosine_of, cosine_of);
+}
+
+/* The angle of (x, y) in [0, π], for y >= 0, not both 0. Halving the angle twice, tan(a/2) = t/(1+√(1+t²)), brings it
+   below π/16, where the series of the arctangent reaches 1e-17 at t^21. */
+INLINE Real angle_of(Real y, Real x)
+{
+    Mask steep = y > real_abs(x);
+    Real t = select(steep, real_abs(x) / y, y / real_abs(x));
+    t = t / (real(1) + real_sqrt(real(1) + t * t));
+    t = t / (real(1) + real_sqrt(real(1) + t * t));
+    Real tt = t * t, sum = real(1 / 21.0);
+    for (int n = 19; n > 0; n -= 2)
+        sum = real(1.0 / n) - tt * sum;
+    Real angle = real(4) * t * sum;
+    angle = select(steep, real(1.57079632679489661923) - angle, angle);
+    return select(x < real(0), REAL_PI - angle, angle);
+}
+
+#endif

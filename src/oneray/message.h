@@ -1,0 +1,26 @@
+/* Errors and warnings: one line on standard error; an error ends the program with exit status 2. */
+#ifndef ONERAY_MESSAGE_H
+#define ONERAY_MESSAGE_H
+
+#if defined(__GNUC__)
+#define PRINTF_LIKE(text, first) __attribute__((format(printf, text, first)))
+#define NORETURN __attribute__((noreturn))
+#else
+#define PRINTF_LIKE(text, first)
+#define NORETURN
+#endif
+
+#include <stddef.h>
+
+NORETURN void die(const char *format, ...) PRINTF_LIKE(1, 2);                           /* "oneray: …" */
+NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);  /* "FILE:LINE: …" */
+void warn(const char *format, ...) PRINTF_LIKE(1, 2);                                   /* "oneray: warning: …" */
+
+/* A file that is being written under a temporary name: removed by die(), and by a signal. NULL when there is none. */
+void unfinished_file(const char *temporary_name);
+
+/* malloc and realloc that never return NULL: out of memory is an error like any other. */
+void *allocate(size_t count, size_t size);
+void *reallocate(void *block, size_t count, size_t size);
+
+#endif

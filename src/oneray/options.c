@@ -1,0 +1,295 @@
+#include "options.h"
+
+#include "kernel.h"
+#include "message.h"
+#include "version.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* An option that chooses one of several techniques: the first column of values is also the enum's order. */
+typedef struct { const char *name, *help; } Value;
+typedef struct { const char *name, *help; int given; Value values[4]; } Choice;
+
+enum { CHOICE_ESTIMATOR, CHOICE_HEMISPHERE, CHOICE_LIGHT, CHOICE_POINTS, CHOICE_MIS, CHOICE_ROULETTE, CHOICES };
+
+static const Choice choices[CHOICES] = {
+    {"--estimator", "how light is found", ESTIMATOR_MIS, {
+        {"walk", "L7 the random walk alone: light counts where a random ray hits it"},
+        {"nee", "L10 next event estimation: a ray to a light at every vertex (L1 to L3, L11, L12)"},
+        {"mis", "L13 both, weighed by multiple importance sampling"}}},
+    {"--hemisphere", "one ray over the hemisphere", HEMISPHERE_COSINE, {
+        {"uniform", "L8 uniform, scaled by 2 pi"},
+        {"cosine", "L9 in proportion to the cosine"}}},
+    {"--light-choice", "one of N lights, divided by its probability (L4)", LIGHT_CHOICE_POWER, {
+        {"uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion"},
+        {"power", "L4 in proportion to the flux"}}},
+    {"--light-points", "where on the light", 0, {
+        {"area", "L2, L3 uniform on its area"}}},
+    {"--mis", "weights of --estimator mis", MIS_POWER, {
+        {"balance", "L13 balance heuristic"},
+        {"power", "L13 power heuristic, exponent 2"}}},
+    {"--roulette", "how a path ends", ROULETTE_SURVIVAL, {
+        {"none", "L19 at max_depth only"},
+        {"survival", "L14 from rr_depth on it survives with min(1, throughput)"}}},
+};
+
+static const char usage[] =
+    "usage: oneray SCENE.xml [-o OUT.exr] [-Dname=value ...] [options]\n"
+    "       oneray merge PART.film ... -o OUT.exr\n"
+    "\n"
+    "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each selectable. All give\n"
+    "the same picture on average and differ only in variance. Defaults are marked *.\n"
+    "\n"
+    "  -o OUT.exr             mean and standard error; without it the scene is rendered and only --stats tells of it\n"
+    "  -Dname=value           sets a <default> of the scene\n"
+    "  --spp N                samples per pixel, instead of the scene's sample_count\n"
+    "  --time SECONDS         as many samples per pixel as the time allows, at least one\n"
+    "  --seed S               0*; another seed gives other, independent samples\n";
+
+static const char usage_end[] =
+    "  --samples FIRST:COUNT  only these samples of each pixel, into --film PART.film; `oneray merge` joins the parts to\n"
+    "                         the very picture that one run would have made\n"
+    "  --precision double*|single\n"
+    "  --lanes auto*|N        paths at once; the bits do not depend on it\n"
+    "  --kernel auto*|generic specialised for what the scene has, or the general one; the same bits\n"
+    "  --stats FILE|-         figures as JSON (- for standard output)\n"
+    "  --quiet                no progress line\n"
+    "  --version, --help\n"
+    "\n"
+    "exit status: 0 done, 2 the command line, the scene or a file was wrong (one line on standard error says where)\n";
+
+static void help(void)
+{
+    fputs(usage, stdout);
+    for (int i = 0; i < CHOICES; i++) {
+        printf("  %-22s %s\n", choices[i].name, choices[i].help);
+        for (int v = 0; choices[i].values[v].name; v++)
+            printf("      %-7s%c           %s\n", choices[i].values[v].name, v == choices[i].given ? '*' : ' ',
+                choices[i].values[v].help);
+    }
+    fputs(usage_end, stdout);
+    printf("\nkernels of this build that run here:");
+    for (int i = 0; kernel_built(i); i++)
+        if (kernel_runs(kernel_built(i)))
+            printf(" %s x %d", kernel_built(i)->precision, kernel_built(i)->lanes);
+    putchar('\n');
+}
+
+static int choose(const Choice *choice, const char *word)
+{
+    char known[160] = "";
+    for (int v = 0; choice->values[v].name; v++) {
+        if (!strcmp(choice->values[v].name, word))
+            return v;
+        strcat(known, v ? ", " : "");
+        strcat(known, choice->values[v].name);
+    }
+    die("%s %s is not supported (%s)", choice->name, word, known);
+}
+
+static uint64_t whole(const char *option, const char *word, uint64_t least, uint64_t most)
+{
+    char *end;
+    errno = 0;
+    unsigned long long value = strtoull(word, &end, 10);
+    if (!isdigit((unsigned char)word[0]) || *end || errno || value < least || value > most)
+        die("%s %s: a whole number from %llu to %llu is wanted", option, word, (unsigned long long)least,
+            (unsigned long long)most);
+    return value;
+}
+
+static double positive(const char *option, const char *word)
+{
+    char *end;
+    double value = strtod(word, &end);
+    if (end == word || *end || !(value > 0 && value < 1e9))
+        die("%s %s: a number of seconds above 0 is wanted", option, word);
+    return value;
+}
+
+/* FIRST:COUNT */
+static void range(Options *options, const char *word)
+{
+    char first[32];
+    const char *colon = strchr(word, ':');
+    if (!colon || colon - word >= (long)sizeof first)
+        die("--samples %s: FIRST:COUNT is wanted, such as 0:64", word);
+    memcpy(first, word, (size_t)(colon - word));
+    first[colon - word] = 0;
+    options->first_sample = whole("--samples FIRST", first, 0, (uint64_t)1 << 48);
+    options->sample_count = whole("--samples COUNT", colon + 1, 1, (uint64_t)1 << 48);
+}
+
+static void parameter(Options *options, const char *word)
+{
+    char *copy = allocate(strlen(word) + 1, 1);
+    strcpy(copy, word);
+    char *equals = strchr(copy, '=');
+    if (!equals || equals == copy)
+        die("-D%s: -Dname=value is wanted", word);
+    *equals = 0;
+    for (int i = 0; i < options->parameter_count; i++)
+        if (!strcmp(options->parameters[i].name, copy))
+            die("-D%s is given twice", copy);
+    if (options->parameter_count == MAX_PARAMETERS)
+        die("more than %d -D parameters", MAX_PARAMETERS);
+    options->parameters[options->parameter_count++] = (Parameter){copy, equals + 1, false};
+}
+
+/* Options that take a word. Returns whether `name` is one of them. */
+static bool with_word(Options *o, int given[CHOICES], const char *name, const char *word)
+{
+    for (int i = 0; i < CHOICES; i++)
+        if (!strcmp(name, choices[i].name)) {
+            given[i] = choose(&choices[i], word);
+            return true;
+        }
+    if (!strcmp(name, "-o"))
+        o->output = word;
+    else if (!strcmp(name, "--spp"))
+        o->spp = whole(name, word, 1, (uint64_t)1 << 48);
+    else if (!strcmp(name, "--time"))
+        o->seconds = positive(name, word);
+    else if (!strcmp(name, "--seed"))
+        o->seed = whole(name, word, 0, UINT64_MAX);
+    else if (!strcmp(name, "--samples"))
+        range(o, word);
+    else if (!strcmp(name, "--film"))
+        o->film = word;
+    else if (!strcmp(name, "--stats"))
+        o->stats = word;
+    else if (!strcmp(name, "--precision") && (!strcmp(word, "double") || !strcmp(word, "single")))
+        o->precision = word;
+    else if (!strcmp(name, "--precision"))
+        die("--precision %s is not supported (double, single)", word);
+    else if (!strcmp(name, "--kernel") && (!strcmp(word, "auto") || !strcmp(word, "generic")))
+        o->generic = !strcmp(word, "generic");
+    else if (!strcmp(name, "--kernel"))
+        die("--kernel %s is not supported (auto, generic)", word);
+    else if (!strcmp(name, "--lanes"))
+        o->lanes = strcmp(word, "auto") ? (int)whole(name, word, 1, 16) : 0;
+    else
+        return false;
+    return true;
+}
+
+/* What can be seen to make no sense before the scene is read. `given` is -1 for an option that was not. */
+static void check_given(Options *o, const int given[CHOICES])
+{
+    if (!o->scene)
+        die("a scene is wanted: oneray SCENE.xml -o OUT.exr (--help tells more)");
+    if (given[CHOICE_MIS] >= 0 && o->technique.estimator != ESTIMATOR_MIS)
+        die("--mis weighs two ways to find a light: it goes with --estimator mis only");
+    if (o->technique.estimator == ESTIMATOR_WALK && (given[CHOICE_LIGHT] >= 0 || given[CHOICE_POINTS] >= 0))
+        die("--estimator walk sends no ray to a light: %s does nothing there",
+            choices[given[CHOICE_LIGHT] >= 0 ? CHOICE_LIGHT : CHOICE_POINTS].name);
+    if (o->spp && o->seconds > 0)
+        die("--spp and --time: give one of them");
+    if ((o->sample_count != 0) != (o->film != NULL))
+        die("--samples and --film go together: --samples FIRST:COUNT --film PART.film");
+    if (o->sample_count && (o->spp || o->seconds > 0))
+        die("--samples says which samples are rendered: --spp and --time do not go with it");
+    if (o->film && o->output)
+        die("--film writes a part; `oneray merge PART.film ... -o OUT.exr` makes the picture");
+    if (!o->film && !o->output && !o->stats)
+        die("nothing to do: give -o OUT.exr (or --stats - for the figures alone)");
+    if (!kernel_find(o->precision, o->lanes))
+        die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)", o->lanes,
+            o->precision);
+}
+
+static void flag(Options *options, const char *word)
+{
+    if (!strcmp(word, "--quiet"))
+        options->quiet = true;
+    else if (!strcmp(word, "--help") || !strcmp(word, "-h"))
+        help(), exit(0);
+    else if (!strcmp(word, "--version"))
+        printf("oneray %s\n", ONERAY_VERSION), exit(0);
+    else if (!strncmp(word, "-D", 2))
+        parameter(options, word + 2);
+    else if (word[0] == '-')
+        die("%s is no option (--help lists them)", word);
+    else if (options->scene)
+        die("%s and %s: one scene is wanted", options->scene, word);
+    else
+        options->scene = word;
+}
+
+Options options_read(int count, char **words)
+{
+    Options o = {0};
+    int given[CHOICES];
+    o.precision = "double";
+    for (int i = 0; i < CHOICES; i++)
+        given[i] = -1;
+    for (int i = 1; i < count; i++) {
+        const char *next = i + 1 < count ? words[i + 1] : NULL;
+        static const char *const names[] = {"-o", "--spp", "--time", "--seed", "--samples", "--film", "--stats",
+            "--precision", "--kernel", "--lanes"};
+        bool takes_word = false;
+        for (size_t k = 0; k < sizeof names / sizeof *names; k++)
+            takes_word |= !strcmp(words[i], names[k]);
+        for (int k = 0; k < CHOICES; k++)
+            takes_word |= !strcmp(words[i], choices[k].name);
+        if (takes_word && !next)
+            die("%s: a value is wanted after it", words[i]);
+        if (takes_word && with_word(&o, given, words[i], next))
+            i++;
+        else
+            flag(&o, words[i]);
+    }
+    int value[CHOICES];
+    for (int i = 0; i < CHOICES; i++)
+        value[i] = given[i] < 0 ? choices[i].given : given[i];
+    o.technique = (Technique){(Estimator)value[CHOICE_ESTIMATOR], (Hemisphere)value[CHOICE_HEMISPHERE],
+        (LightChoice)value[CHOICE_LIGHT], (MisHeuristic)value[CHOICE_MIS], (Roulette)value[CHOICE_ROULETTE]};
+    check_given(&o, given);
+    return o;
+}
+
+/* Would a path in a closed scene never be cut short? Only where a material absorbs nothing. */
+static const Material *absorbs_nothing(const Description *scene)
+{
+    for (int i = 0; i < scene->material_count; i++) {
+        const Material *m = &scene->materials[i];
+        for (int c = 0; c < 3; c++)
+            if (m->reflectance[c] >= 1 && !m->fresnel)
+                return m;
+    }
+    return NULL;
+}
+
+void options_check(const Options *options, const Description *scene)
+{
+    static const char *const kinds[LIGHT_KINDS] = {"area", "point", "spot", "directional", "constant"};
+    for (int i = 0; i < scene->light_count; i++) {
+        const Light *light = &scene->lights[i];
+        if (options->technique.estimator == ESTIMATOR_WALK && light->kind != LIGHT_AREA && light->kind != LIGHT_CONSTANT)
+            die_at(options->scene, light->line, "--estimator walk: no random ray hits a %s light, its light would be "
+                "missing; use nee or mis", kinds[light->kind]);
+    }
+    if (scene->max_depth < 0 && options->technique.roulette == ROULETTE_NONE)
+        die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
+    const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;
+    if (endless && !options->quiet)
+        warn("%s:%d: this material absorbs nothing and max_depth is -1: a path that cannot leave will be an error",
+            options->scene, endless->line);
+}
+
+void options_technique(const Technique *t, char *text, int size)
+{
+    const int value[CHOICES] = {(int)t->estimator, (int)t->hemisphere, (int)t->light_choice, 0, (int)t->mis,
+        (int)t->roulette};
+    for (int i = 0, used = 0; i < CHOICES; i++) {
+        if ((i == CHOICE_MIS && t->estimator != ESTIMATOR_MIS)
+            || (t->estimator == ESTIMATOR_WALK && (i == CHOICE_LIGHT || i == CHOICE_POINTS)))
+            continue;
+        used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", choices[i].name,
+            choices[i].values[value[i]].name);
+    }
+}

@@ -1,0 +1,15 @@
+/* Output files appear whole or not at all: written under a temporary name in the same folder, then renamed. */
+#ifndef ONERAY_OUTPUT_H
+#define ONERAY_OUTPUT_H
+
+enum { OUTPUT_NAME = 4096 };
+
+/* Ends the program unless `file` can be written: nothing is rendered that could not be saved. */
+void output_check(const char *file);
+
+/* The temporary name for `file`, noted so that an error or a signal removes it. */
+void output_name(const char *file, char temporary[OUTPUT_NAME]);
+void output_done(const char *file, const char *temporary);          /* syncs it and gives it its name */
+void output_failed(const char *file) __attribute__((noreturn));     /* "FILE: cannot be written: reason" from errno */
+
+#endif

@@ -1,0 +1,74 @@
+/* Random numbers by counting: a number depends on (seed, pixel, sample, dimension) alone, so that any split of the samples
+   over lanes, processes or machines gives the same samples.
+
+   Philox4x32 with 7 rounds, the fewest that pass BigCrush: Salmon, Moraes, Dror, Shaw, Parallel Random Numbers: As Easy
+   as 1, 2, 3, SC 2011. The counter is (dimension, sample low, pixel, sample high), the key is the seed. */
+#ifndef ONERAY_RNG_H
+#define ONERAY_RNG_H
+
+#include "vec.h"
+
+/* Which block of four numbers: the camera's, and two for each vertex of the path. */
+enum { DIMENSION_CAMERA, DIMENSION_BOUNCE, DIMENSION_LIGHT };
+
+typedef struct {
+    Bits pixel, sample_low, sample_high;    /* 32 bits each */
+    uint32_t key[2];
+} Rng;
+
+typedef struct { Real u[4]; } Uniforms;     /* each in (0, 1), on the midpoints of 2^32 (single: 2^23) equal cells */
+
+#define LOW_32 0xFFFFFFFFu
+
+/* The high and low 32 bits of a 32-bit a times a constant. */
+INLINE void multiply_32(Bits a, uint32_t by, Bits *high, Bits *low)
+{
+#if !defined(SINGLE)
+    Bits product = a * bits_of(by);
+    *high = product >> 32;
+    *low = product & bits_of(LOW_32);
+#elif LANES == 1
+    uint64_t product = (uint64_t)a * by;
+    *high = (uint32_t)(product >> 32);
+    *low = (uint32_t)product;
+#else
+    typedef uint64_t Pairs __attribute__((vector_size(sizeof(Bits))));
+    Pairs lanes, even, odd;
+    memcpy(&lanes, &a, sizeof lanes);
+    even = (lanes & LOW_32) * by >> 32;
+    odd = (lanes >> 32) * by & ~(uint64_t)LOW_32;
+    odd |= even;
+    memcpy(high, &odd, sizeof odd);
+    *low = a * bits_of(by);
+#endif
+}
+
+INLINE Real uniform_of(Bits word)
+{
+#ifdef SINGLE
+    return (bits_real((word >> 9) | bits_of(0x3F800000u)) - real(1)) + real(1.0 / 16777216.0);
+#else
+    Real count = bits_real(word | bits_of(0x4330000000000000u)) - real(4503599627370496.0);
+    return (count + real(0.5)) * real(1.0 / 4294967296.0);
+#endif
+}
+
+INLINE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+{
+    Bits a = (Bits)(vertex * 2 + dimension), b = rng->sample_low, c = rng->pixel, d = rng->sample_high;
+    uint32_t key_0 = rng->key[0], key_1 = rng->key[1];
+    for (int round = 0; round < 7; round++) {
+        Bits high_a, low_a, high_c, low_c;
+        multiply_32(a, 0xD2511F53u, &high_a, &low_a);
+        multiply_32(c, 0xCD9E8D57u, &high_c, &low_c);
+        a = high_c ^ b ^ bits_of(key_0);
+        c = high_a ^ d ^ bits_of(key_1);
+        b = low_c;
+        d = low_a;
+        key_0 += 0x9E3779B9u;
+        key_1 += 0xBB67AE85u;
+    }
+    return (Uniforms){{uniform_of(a), uniform_of(b), uniform_of(c), uniform_of(d)}};
+}
+
+#endif

@@ -1,0 +1,22 @@
+/* A scene as a kernel wants it: tables in the kernel's precision, only of what the scene has. */
+#ifndef ONERAY_SCENE_H
+#define ONERAY_SCENE_H
+
+#include "camera.h"
+#include "light.h"
+#include "material.h"
+
+typedef struct {
+    Shapes shapes;
+    Materials materials;
+    Lights lights;
+    Camera camera;
+    Int max_depth, rr_depth;            /* max_depth of a scene without limit is PATH_LIMIT */
+    int width;
+    Features features;
+} Scene;
+
+/* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut. */
+#define PATH_LIMIT 1000000
+
+#endif

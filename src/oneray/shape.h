@@ -1,0 +1,227 @@
+/* Shapes, and what a ray meets among them. A loop over all primitives, W rays at once.
+
+   No epsilon keeps a ray off the surface that it starts from: the ray knows which primitive that is. A flat one is left
+   out; from a sphere or cube only the far side can be met, and only by a ray that goes inwards.
+
+   A slot is what a ray can hit: a rectangle, a disk, one of a cube's six faces, a sphere, numbered in this order. */
+#ifndef ONERAY_SHAPE_H
+#define ONERAY_SHAPE_H
+
+#include "description.h"
+#include "technique.h"
+#include "vec.h"
+
+/* World to the unit shape: local coordinate i of p is row[i][0..2]·p + row[i][3]. */
+typedef struct { Num row[3][4]; } Local;
+
+typedef struct { Num center[3], radius; } Ball;
+
+typedef struct {
+    int rectangle_count, disk_count, cube_count, sphere_count;
+    Local *rectangles, *disks, *cubes;
+    Ball *balls;
+    int disk_slot, cube_slot, sphere_slot, slot_count;   /* the first slot of each kind; rectangles start at 0 */
+    Num (*anchor)[3];                   /* by slot: the unit normal n of a flat primitive, the center of a sphere */
+    Num *offset;                        /* by slot: n·p of the flat one's plane; radius, negative if flip_normals */
+} Shapes;
+
+typedef struct {
+    Vec o, d;                           /* d of unit length */
+    Real tmax;
+    Index from;                         /* the slot that o lies on, -1 for none */
+} Ray;
+
+typedef struct {
+    Real t;
+    Index slot;                         /* -1: nothing met */
+} Hit;
+
+INLINE Real row_point(const Num row[4], Vec p)
+{
+    return real(row[0]) * p.x + real(row[1]) * p.y + real(row[2]) * p.z + real(row[3]);
+}
+INLINE Real row_direction(const Num row[4], Vec d)
+{
+    return real(row[0]) * d.x + real(row[1]) * d.y + real(row[2]) * d.z;
+}
+
+/* Where the ray crosses the plane z = 0 of a flat shape's own space, as a fraction t = num/den with den >= 0, and its x
+   and y there times den: no division until the nearest of all is known. */
+typedef struct { Real num, den, x, y; } Crossing;
+
+INLINE Crossing flat_crossing(const Local *flat, const Ray *ray)
+{
+    Real z = row_point(flat->row[2], ray->o), dz = row_direction(flat->row[2], ray->d);
+    Crossing c = {-flip_sign(z, dz), real_abs(dz), real(0), real(0)};
+    c.x = row_point(flat->row[0], ray->o) * c.den + row_direction(flat->row[0], ray->d) * c.num;
+    c.y = row_point(flat->row[1], ray->o) * c.den + row_direction(flat->row[1], ray->d) * c.num;
+    return c;
+}
+INLINE Mask within_rectangle(Crossing c) { return (real_abs(c.x) <= c.den) & (real_abs(c.y) <= c.den); }
+INLINE Mask within_disk(Crossing c) { return c.x * c.x + c.y * c.y <= c.den * c.den; }
+
+/* The stretch near < t < far of the ray inside a convex solid; no_stretch: it passes by. */
+typedef struct { Real near, far; Mask met; } Stretch;
+
+/* |o + t d - c| = r. The discriminant from the ray's distance to the center, r² - |oc - (oc·d) d|², keeps its digits where
+   b² - |oc|² + r² has lost them: Haines, Günther, Akenine-Möller, Precision Improvements for Ray/Sphere Intersection,
+   Ray Tracing Gems 2019. From a point of the sphere itself, t is exactly 0 and -2 oc·d. */
+INLINE Stretch ball_stretch(const Ball *ball, const Ray *ray, Mask on)
+{
+    Vec oc = vec_sub(ray->o, vec_of(ball->center));
+    Real b = vec_dot(oc, ray->d);
+    Vec foot = vec_sub(oc, vec_scale(ray->d, b));
+    Real radius = real(ball->radius), discriminant = radius * radius - vec_dot(foot, foot);
+    Real root = real_sqrt(real_max(discriminant, real(0)));
+    root = select(on, real_abs(b), root);
+    return (Stretch){-b - root, root - b, (discriminant >= real(0)) | on};
+}
+
+/* The slabs |x|, |y|, |z| <= 1 of the cube's own space. `face` gets the face entered and left by: 0 … 5 for the normals
+   +x -x +y -y +z -z. */
+typedef struct { Index enter, leave; } Faces;
+
+INLINE Stretch cube_stretch(const Local *cube, const Ray *ray, Faces *faces)
+{
+    Stretch s = {real(-NUM_MAX), real(NUM_MAX), mask_all()};
+    for (int axis = 0; axis < 3; axis++) {
+        Real x = row_point(cube->row[axis], ray->o), dx = row_direction(cube->row[axis], ray->d);
+        Real inverse = real(1) / dx, one = flip_sign(real(1), dx);
+        Real near = (-one - x) * inverse, far = (one - x) * inverse;
+        if (faces) {
+            Index plus = index_of(2 * axis), minus = index_of(2 * axis + 1);
+            faces->enter = index_select(near > s.near, index_select(dx > real(0), minus, plus), faces->enter);
+            faces->leave = index_select(far < s.far, index_select(dx > real(0), plus, minus), faces->leave);
+        }
+        s.near = real_max(near, s.near);
+        s.far = real_min(far, s.far);
+    }
+    s.met = s.near <= s.far;
+    return s;
+}
+
+/* Does a ray that starts on face `from` of the cube go out of it? */
+INLINE Mask cube_outward(const Local *cube, const Ray *ray, Index face)
+{
+    Mask outward = mask_none();
+    for (int f = 0; f < 6; f++) {
+        Real d = row_direction(cube->row[f / 2], ray->d);
+        outward |= (face == index_of(f)) & (f % 2 ? d < real(0) : d > real(0));
+    }
+    return outward;
+}
+
+/* What the ray meets of a solid: the near side, or from inside the far one. */
+INLINE Real stretch_hit(Stretch s, Mask on) { return select(and_not(s.near > real(0), on), s.near, s.far); }
+
+INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
+{
+    Hit hit = {ray->tmax, index_of(-1)};
+    Real den = real(1);
+    if (f & HAS_RECTANGLE)
+        for (int i = 0; i < shapes->rectangle_count; i++) {
+            Crossing c = flat_crossing(&shapes->rectangles[i], ray);
+            Mask closer = (c.num > real(0)) & (c.num * den < hit.t * c.den) & within_rectangle(c)
+                & (ray->from != index_of(i));
+            hit = (Hit){select(closer, c.num, hit.t), index_select(closer, index_of(i), hit.slot)};
+            den = select(closer, c.den, den);
+        }
+    if (f & HAS_DISK)
+        for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_count; i++, slot++) {
+            Crossing c = flat_crossing(&shapes->disks[i], ray);
+            Mask closer = (c.num > real(0)) & (c.num * den < hit.t * c.den) & within_disk(c)
+                & (ray->from != index_of(slot));
+            hit = (Hit){select(closer, c.num, hit.t), index_select(closer, index_of(slot), hit.slot)};
+            den = select(closer, c.den, den);
+        }
+    if (f & (HAS_RECTANGLE | HAS_DISK))
+        hit.t = hit.t / den;
+    if (f & HAS_CUBE)
+        for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
+            Faces faces = {index_of(0), index_of(0)};
+            Stretch s = cube_stretch(&shapes->cubes[i], ray, &faces);
+            Index face = ray->from - slot;
+            Mask on = (face >= 0) & (face < 6);
+            if (any(on))
+                s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
+            Real t = stretch_hit(s, on);
+            Mask closer = s.met & (t > real(0)) & (t < hit.t), entering = t == s.near;
+            hit.t = select(closer, t, hit.t);
+            hit.slot = index_select(closer, slot + index_select(entering, faces.enter, faces.leave), hit.slot);
+        }
+    if (f & HAS_SPHERE)
+        for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++) {
+            Mask on = ray->from == index_of(slot);
+            Stretch s = ball_stretch(&shapes->balls[i], ray, on);
+            Real t = stretch_hit(s, on);
+            Mask closer = s.met & (t > real(0)) & (t < hit.t);
+            hit = (Hit){select(closer, t, hit.t), index_select(closer, index_of(slot), hit.slot)};
+        }
+    return hit;
+}
+
+/* Is the solid in the way of the ray's end at tmax, a point of it where `is_target`? That point is seen from outside if it is
+   on the near side, and from inside always. */
+INLINE Mask stretch_blocks(Stretch s, const Ray *ray, Mask on, Mask is_target)
+{
+    Real t = stretch_hit(s, on);
+    Mask other = (t > real(0)) & (t < ray->tmax);
+    Mask itself = and_not((s.near > real(0)) & (s.near + s.far < ray->tmax + ray->tmax), on);
+    return s.met & ((is_target & itself) | and_not(other, is_target));
+}
+
+/* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for none. */
+INLINE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Index target, Features f)
+{
+    Mask blocked = mask_none();
+    if (f & HAS_RECTANGLE)
+        for (int i = 0; i < shapes->rectangle_count; i++) {
+            Crossing c = flat_crossing(&shapes->rectangles[i], ray);
+            blocked |= (c.num > real(0)) & (c.num < ray->tmax * c.den) & within_rectangle(c)
+                & (ray->from != index_of(i)) & (target != index_of(i));
+        }
+    if (f & HAS_DISK)
+        for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_count; i++, slot++) {
+            Crossing c = flat_crossing(&shapes->disks[i], ray);
+            blocked |= (c.num > real(0)) & (c.num < ray->tmax * c.den) & within_disk(c)
+                & (ray->from != index_of(slot)) & (target != index_of(slot));
+        }
+    if (f & HAS_CUBE)
+        for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
+            Stretch s = cube_stretch(&shapes->cubes[i], ray, NULL);
+            Index face = ray->from - slot, aim = target - slot;
+            Mask on = (face >= 0) & (face < 6);
+            if (any(on))
+                s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
+            blocked |= stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
+        }
+    if (f & HAS_SPHERE)
+        for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++) {
+            Mask on = ray->from == index_of(slot);
+            blocked |= stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, target == index_of(slot));
+        }
+    return blocked;
+}
+
+/* The point of the surface and its unit normal (turned over by flip_normals). The point is put onto the surface by the
+   surface's own equation, so that it keeps full precision however long the ray was. */
+INLINE void shapes_surface(const Shapes *shapes, const Ray *ray, Hit hit, Features f, Vec *p, Vec *n)
+{
+    Index slot = index_select(hit.slot < 0, index_of(0), hit.slot);
+    Vec anchor = vec_gather((const Num (*)[3])shapes->anchor, slot);
+    Real offset = gather(shapes->offset, slot);
+    *p = vec_add(ray->o, vec_scale(ray->d, hit.t));
+    *n = anchor;
+    if (f & (HAS_RECTANGLE | HAS_DISK | HAS_CUBE))
+        *p = vec_sub(*p, vec_scale(*n, vec_dot(*n, *p) - offset));
+    if (f & HAS_SPHERE) {
+        Mask round = slot >= index_of(shapes->sphere_slot);
+        Vec from_center = vec_sub(vec_add(ray->o, vec_scale(ray->d, hit.t)), anchor);
+        Vec outward = vec_normalize(from_center);
+        Vec normal = vec_scale(outward, flip_sign(real(1), offset));
+        *n = vec_select(round, normal, *n);
+        *p = vec_select(round, vec_add(anchor, vec_scale(normal, offset)), *p);
+    }
+}
+
+#endif
