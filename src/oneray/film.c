@@ -27,14 +27,14 @@ int film_block_level(uint64_t first, uint64_t count)
     return level;
 }
 
-/* a += b, where both hold n samples: the sums add; Σ(x-m)² = Σa + Σb + (Sb - Sa)²/2n. Chan, Golub, LeVeque, Updating
+/* to = a + b, where both hold n samples: the sums add; Σ(x-m)² = Σa + Σb + (Sb - Sa)²/2n. Chan, Golub, LeVeque, Updating
    Formulae and a Pairwise Algorithm for Computing Sample Variances, 1979. Equal samples leave exactly zero. */
-static void join_equal(double a[6], const double b[6], double n)
+static inline void join_equal(double to[6], const double a[6], const double b[6], double half_over_n)
 {
     for (int c = 0; c < 3; c++) {
-        double difference = b[c] - a[c];
-        a[3 + c] = a[3 + c] + b[3 + c] + difference * difference / (2 * n);
-        a[c] += b[c];
+        double difference = b[c] - a[c], deviation = a[3 + c] + b[3 + c] + difference * difference * half_over_n;
+        to[c] = a[c] + b[c];
+        to[3 + c] = deviation;
     }
 }
 
@@ -48,23 +48,21 @@ static void join(double a[6], double na, const double b[6], double nb)
     }
 }
 
-int64_t film_reduce(const double *radiance, int level, double node[6])
+int64_t film_reduce(const double *radiance, int level, double (*nodes)[6])
 {
-    double pending[FILM_BLOCK_LEVEL + 1][6];    /* the left sibling that waits at each level */
-    for (int64_t i = 0; i < (int64_t)1 << level; i++) {
-        const double *sample = radiance + 3 * i;
-        for (int c = 0; c < 3; c++) {
-            if (!(sample[c] >= 0 && sample[c] <= DBL_MAX))
-                return i;
-            node[c] = sample[c];
-            node[3 + c] = 0;
+    size_t count = (size_t)1 << level;
+    for (size_t i = 0; i < count; i++)
+        for (size_t c = 0; c < 3; c++) {
+            double value = radiance[3 * i + c];
+            if (!(value >= 0 && value <= DBL_MAX))
+                return (int64_t)i;
+            nodes[i][c] = value;
+            nodes[i][3 + c] = 0;
         }
-        int at = 0;
-        for (; i >> at & 1; at++) {
-            join_equal(pending[at], node, ldexp(1, at));
-            memcpy(node, pending[at], sizeof pending[at]);
-        }
-        memcpy(pending[at], node, sizeof pending[at]);
+    for (double half_over_n = 0.5; count > 1; half_over_n /= 2) {
+        count /= 2;
+        for (size_t i = 0; i < count; i++)
+            join_equal(nodes[i], nodes[2 * i], nodes[2 * i + 1], half_over_n);
     }
     return -1;
 }
@@ -76,7 +74,7 @@ void film_add(Film *film, Layer layer)
         if (last.level != layer.level || last.index + 1 != layer.index || last.index % 2)
             break;
         for (size_t i = 0; i < pixel_count(film); i++)
-            join_equal(last.pixels + 6 * i, layer.pixels + 6 * i, ldexp(1, layer.level));
+            join_equal(last.pixels + 6 * i, last.pixels + 6 * i, layer.pixels + 6 * i, ldexp(0.5, -layer.level));
         free(layer.pixels);
         layer = (Layer){last.level + 1, last.index / 2, last.pixels};
         film->layer_count--;

@@ -27,9 +27,9 @@ typedef struct {
 /* The largest level of a block that starts at sample `first` and is no longer than count > 0. */
 int film_block_level(uint64_t first, uint64_t count);
 
-/* Reduces 2^level samples of one pixel, radiance[sample][3], to node[6]. Returns the first sample that is no radiance (NaN,
-   infinite or negative), or -1. */
-int64_t film_reduce(const double *radiance, int level, double node[6]);
+/* Reduces 2^level samples of one pixel, radiance[sample][3], to nodes[0]; the other nodes, 2^level in all, are room to work
+   in. Returns the first sample that is no radiance (NaN, infinite or negative), or -1. */
+int64_t film_reduce(const double *radiance, int level, double (*nodes)[6]);
 
 /* Adds the layer that follows the film's last one; takes over its pixels. */
 void film_add(Film *film, Layer layer);

@@ -30,6 +30,8 @@ typedef uint32_t Word;
 #define NUM_BYTES 4
 #define SQRT sqrtf
 #define VECTOR_SQRT(prefix) prefix##_sqrt_ps
+#define VECTOR_BITS(prefix) prefix##_movemask_ps
+#define MASK_BITS_512 _mm512_movepi32_mask
 #else
 typedef double Num;
 typedef int64_t Int;
@@ -38,6 +40,8 @@ typedef uint64_t Word;
 #define NUM_BYTES 8
 #define SQRT sqrt
 #define VECTOR_SQRT(prefix) prefix##_sqrt_pd
+#define VECTOR_BITS(prefix) prefix##_movemask_pd
+#define MASK_BITS_512 _mm512_movepi64_mask
 #endif
 #define VECTOR_BYTES (LANES * NUM_BYTES)
 #define SIGN_BIT ((uint64_t)1 << (8 * NUM_BYTES - 1))
@@ -100,7 +104,6 @@ INLINE Bits bits_of(uint64_t a)
 INLINE Mask mask_none(void) { return 0; }
 INLINE Mask mask_all(void) { return 1; }
 INLINE Mask mask_not(Mask m) { return !m; }
-INLINE int any(Mask m) { return m != 0; }
 INLINE Real select(Mask m, Real a, Real b) { return m ? a : b; }
 INLINE Index index_select(Mask m, Index a, Index b) { return m ? a : b; }
 #else
@@ -114,24 +117,28 @@ INLINE Real select(Mask m, Real a, Real b)
 INLINE Index index_select(Mask m, Index a, Index b) { return (m & a) | (~m & b); }
 #endif
 
-/* Is any lane true? */
-#if LANES > 1
-INLINE int any(Mask m)
+/* A bit a lane, lane 0 lowest. */
+INLINE unsigned mask_bits(Mask m)
 {
-#if VECTOR_BYTES == 64 && defined(__AVX512F__)
-    return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
+#if LANES == 1
+    return m != 0;
+#elif VECTOR_BYTES == 64 && defined(__AVX512DQ__)
+    return MASK_BITS_512((__m512i)m);
 #elif VECTOR_BYTES == 32 && defined(__AVX2__)
-    return !_mm256_testz_si256((__m256i)m, (__m256i)m);
+    return (unsigned)VECTOR_BITS(_mm256)((Real)m);
 #elif VECTOR_BYTES == 16 && defined(__SSE2__)
-    return _mm_movemask_epi8((__m128i)m) != 0;
+    return (unsigned)VECTOR_BITS(_mm)((Real)m);
 #else
-    Int all = 0;
+    unsigned bits = 0;
     for (int i = 0; i < LANES; i++)
-        all |= m[i];
-    return all != 0;
+        bits |= (unsigned)(m[i] & 1) << i;
+    return bits;
 #endif
 }
-#endif
+INLINE int any(Mask m) { return mask_bits(m) != 0; }
+
+/* The lowest lane of bits that are not all 0. */
+INLINE int lowest_lane(unsigned bits) { return __builtin_ctz(bits); }
 
 INLINE Mask and_not(Mask a, Mask b) { return a & mask_not(b); }              /* a and not b */
 INLINE Real only(Mask m, Real a) { return select(m, a, real(0)); }           /* a, or 0 where not m */

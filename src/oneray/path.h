@@ -16,17 +16,20 @@ typedef struct {
     Index rays, shadow_rays;            /* how many, by lane, counted downwards where a mask is -1 */
 } Path;
 
-/* L12 The eye is a specular vertex: it sends no ray to the lights, so its ray must return the light that it meets. */
-INLINE void path_start(Path *path, const Scene *scene, Mask fresh, Real pixel_x, Real pixel_y)
+/* A sample on its way to a path: its random numbers and its camera ray. */
+typedef struct { Rng rng; Ray ray; } Start;
+
+INLINE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y)
 {
-    Uniforms film = rng_block(&path->rng, index_of(0), DIMENSION_CAMERA);
-    Ray ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1]);
-    path->ray.o = vec_select(fresh, ray.o, path->ray.o);
-    path->ray.d = vec_select(fresh, ray.d, path->ray.d);
-    path->ray.tmax = select(fresh, ray.tmax, path->ray.tmax);
-    path->ray.from = index_select(fresh, index_of(-1), path->ray.from);
+    Uniforms film = rng_block(&start->rng, index_of(0), DIMENSION_CAMERA);
+    start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1]);
+}
+
+/* L12 The eye is a specular vertex: it sends no ray to the lights, so its ray must return the light that it meets. */
+INLINE void path_start(Path *path, Mask fresh)
+{
     path->throughput = vec_select(fresh, vec_all(real(1)), path->throughput);
-    path->radiance = vec_select(fresh, vec_all(real(0)), path->radiance);
+    path->radiance = vec_only(mask_not(fresh), path->radiance);
     path->specular |= fresh;
     path->alive |= fresh;
     path->depth = index_select(fresh, index_of(0), path->depth);

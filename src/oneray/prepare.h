@@ -66,6 +66,27 @@ static void plane_of(const Shape *shape, int axis, double at, double normal[3], 
     *offset = dot(normal, p);
 }
 
+/* The axis that a rectangle's normal lies along if its sides lie along the other two, else -1. */
+static int aligned_axis(const Shape *shape)
+{
+    for (int axis = 0; axis < 3 && shape->kind == SHAPE_RECTANGLE; axis++) {
+        int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const double (*m)[4] = shape->to_world.m;
+        int straight = m[u][1] == 0 && m[v][0] == 0, turned = m[u][0] == 0 && m[v][1] == 0;
+        if (m[axis][0] == 0 && m[axis][1] == 0 && (straight || turned))
+            return axis;
+    }
+    return -1;
+}
+
+static Aligned aligned_of(const Shape *shape, int axis)
+{
+    int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    const double (*m)[4] = shape->to_world.m;
+    return (Aligned){(Num)m[axis][3], (Num)m[u][3], (Num)m[v][3], (Num)(fabs(m[u][0]) + fabs(m[u][1])),
+        (Num)(fabs(m[v][0]) + fabs(m[v][1]))};
+}
+
 static int slots_of(ShapeKind kind) { return kind == SHAPE_CUBE ? 6 : 1; }
 
 static void prepare_ball(Shapes *s, const Shape *shape, int slot)
@@ -80,18 +101,57 @@ static void prepare_ball(Shapes *s, const Shape *shape, int slot)
     s->offset[slot] = shape->flip_normals ? -ball->radius : ball->radius;
 }
 
-/* Fills the shape tables; first_slot[i] gets the first slot of shape i. */
-static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
+static void count_shapes(Shapes *s, const Description *d, int counts[SHAPE_KINDS])
 {
-    Shapes *s = &scene->shapes;
-    int counts[SHAPE_KINDS] = {0};
+    int aligned = 0;
     for (int i = 0; i < d->shape_count; i++)
         counts[d->shapes[i].kind]++;
+    for (int axis = 0; axis < 3; axis++) {
+        s->aligned_slot[axis] = aligned;
+        for (int i = 0; i < d->shape_count; i++)
+            aligned += aligned_axis(&d->shapes[i]) == axis;
+    }
+    s->aligned_slot[3] = aligned;
     s->disk_slot = counts[SHAPE_RECTANGLE];
     s->cube_slot = s->disk_slot + counts[SHAPE_DISK];
     s->sphere_slot = s->cube_slot + 6 * counts[SHAPE_CUBE];
     s->slot_count = s->sphere_slot + counts[SHAPE_SPHERE];
-    s->rectangles = allocate((size_t)counts[SHAPE_RECTANGLE], sizeof(Local));
+}
+
+/* Puts the shape into its table; returns its first slot. filled[axis] counts the aligned rectangles so far. */
+static int place_shape(Shapes *s, const Shape *shape, int filled[3])
+{
+    int axis = aligned_axis(shape), slot;
+    if (axis >= 0) {
+        slot = s->aligned_slot[axis] + filled[axis]++;
+        s->aligned[slot] = aligned_of(shape, axis);
+        return slot;
+    }
+    switch (shape->kind) {
+    case SHAPE_RECTANGLE:
+        s->rectangles[s->rectangle_count] = local_of(&shape->to_world);
+        return s->aligned_slot[3] + s->rectangle_count++;
+    case SHAPE_DISK:
+        s->disks[s->disk_count] = local_of(&shape->to_world);
+        return s->disk_slot + s->disk_count++;
+    case SHAPE_CUBE:
+        s->cubes[s->cube_count] = local_of(&shape->to_world);
+        return s->cube_slot + 6 * s->cube_count++;
+    default:
+        slot = s->sphere_slot + s->sphere_count++;
+        prepare_ball(s, shape, slot);
+        return slot;
+    }
+}
+
+/* Fills the shape tables; first_slot[i] gets the first slot of shape i. */
+static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
+{
+    Shapes *s = &scene->shapes;
+    int counts[SHAPE_KINDS] = {0}, filled[3] = {0};
+    count_shapes(s, d, counts);
+    s->aligned = allocate((size_t)s->aligned_slot[3], sizeof(Aligned));
+    s->rectangles = allocate((size_t)(counts[SHAPE_RECTANGLE] - s->aligned_slot[3]), sizeof(Local));
     s->disks = allocate((size_t)counts[SHAPE_DISK], sizeof(Local));
     s->cubes = allocate((size_t)counts[SHAPE_CUBE], sizeof(Local));
     s->balls = allocate((size_t)counts[SHAPE_SPHERE], sizeof(Ball));
@@ -99,30 +159,11 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
     s->offset = allocate((size_t)s->slot_count, sizeof *s->offset);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
-        double normal[3], offset;
-        int slot = 0;
-        switch (shape->kind) {
-        case SHAPE_RECTANGLE:
-            slot = s->rectangle_count++;
-            s->rectangles[slot] = local_of(&shape->to_world);
-            break;
-        case SHAPE_DISK:
-            s->disks[s->disk_count] = local_of(&shape->to_world);
-            slot = s->disk_slot + s->disk_count++;
-            break;
-        case SHAPE_CUBE:
-            s->cubes[s->cube_count] = local_of(&shape->to_world);
-            slot = s->cube_slot + 6 * s->cube_count++;
-            break;
-        case SHAPE_SPHERE: slot = s->sphere_slot + s->sphere_count++; break;
-        case SHAPE_KINDS: break;
-        }
-        first_slot[i] = slot;
-        if (shape->kind == SHAPE_SPHERE)
-            prepare_ball(s, shape, slot);
+        int slot = first_slot[i] = place_shape(s, shape, filled);
         for (int k = 0; k < slots_of(shape->kind) && shape->kind != SHAPE_SPHERE; k++) {
             int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
             double at = shape->kind == SHAPE_CUBE ? 1 - 2 * (k % 2) : 0;
+            double normal[3], offset;
             plane_of(shape, axis, at, normal, &offset);
             store(s->anchor[slot + k], normal);
             s->offset[slot + k] = (Num)offset;
@@ -147,7 +188,7 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
                 continue;
             const Material *material = &d->materials[index];
             store(m->albedo[at], material->reflectance);
-            m->kind[at] = material->kind;
+            m->kind[at] = (Int)material->kind;
             if (scene->features & HAS_FRESNEL)
                 for (int c = 0; c < 3; c++) {
                     m->eta[at][c] = (Num)material->eta[c];
@@ -247,7 +288,7 @@ static void prepare_site(Scene *scene, const Description *d, const Light *light,
     for (int j = 0; shape->kind == SHAPE_CUBE && j < 3; j++)
         p[j] += (1 - 2 * (k % 2)) * c[j];
     const Site sites[SHAPE_KINDS] = {SITE_SPHERE, SITE_RECTANGLE, SITE_DISK, SITE_RECTANGLE};
-    lights->site[i] = sites[shape->kind];
+    lights->site[i] = (Int)sites[shape->kind];
     lights->slot[i] = slot;
     store(lights->position[i], p);
     store(lights->edge_x[i], a);
@@ -263,7 +304,7 @@ static void prepare_site(Scene *scene, const Description *d, const Light *light,
 static void prepare_delta(Lights *lights, const Light *light, int i)
 {
     const Site sites[LIGHT_KINDS] = {SITE_RECTANGLE, SITE_POINT, SITE_SPOT, SITE_DIRECTIONAL, SITE_CONSTANT};
-    lights->site[i] = sites[light->kind];
+    lights->site[i] = (Int)sites[light->kind];
     lights->slot[i] = -1;
     store(lights->position[i], light->position);
     store(lights->edge_x[i], light->direction);
@@ -372,11 +413,11 @@ static Features features_of_light(const Description *d, const Light *light)
 /* The feature mask: what the scene has, and what the technique does with it. */
 static Features features_of(const Description *d, const Technique *technique)
 {
-    const Features of_shape[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE};
+    const Features of_kind[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE};
     Features f = 0;
     int lights = 0;
     for (int i = 0; i < d->shape_count; i++) {
-        f |= of_shape[d->shapes[i].kind];
+        f |= aligned_axis(&d->shapes[i]) < 0 ? of_kind[d->shapes[i].kind] : HAS_ALIGNED;
         const int sides[2] = {d->shapes[i].front, d->shapes[i].back};
         for (int side = 0; side < 2; side++)
             if (sides[side] != MATERIAL_NONE) {
@@ -427,7 +468,7 @@ static void release(void *prepared)
     Shapes *s = &scene->shapes;
     Materials *m = &scene->materials;
     Lights *l = &scene->lights;
-    void *const blocks[] = {s->rectangles, s->disks, s->cubes, s->balls, s->anchor, s->offset, m->albedo, m->kind, m->eta,
+    void *const blocks[] = {s->aligned, s->rectangles, s->disks, s->cubes, s->balls, s->anchor, s->offset, m->albedo, m->kind, m->eta,
         m->k, l->site, l->emission, l->position, l->edge_x, l->edge_y, l->normal, l->radius, l->cutoff, l->beam,
         l->area_choice, l->slot, l->alias_share, l->alias, l->slot_emission, l->slot_area_choice, l->slot_shines, scene};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)

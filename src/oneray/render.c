@@ -4,6 +4,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -65,13 +66,15 @@ static void render_block(Render *r, uint64_t first, int level)
     size_t pixels = (size_t)r->film->width * (size_t)r->film->height;
     Layer layer = {level, first >> level, allocate(pixels, 6 * sizeof(double))};
     double *radiance = allocate((at_once < pixels ? at_once : pixels) * samples, 3 * sizeof(double));
+    double (*nodes)[6] = allocate(samples, sizeof *nodes);
     for (size_t pixel = 0; pixel < pixels; pixel += at_once) {
         size_t count = pixels - pixel < at_once ? pixels - pixel : at_once;
         Job job = {r->options->seed, first, pixel, samples, count, radiance};
         r->kernel->render(r->prepared, &job, r->counters, r->options->generic);
         check_endless(r);
         for (size_t i = 0; i < count; i++) {
-            int64_t bad = film_reduce(radiance + 3 * i * samples, level, layer.pixels + 6 * (pixel + i));
+            int64_t bad = film_reduce(radiance + 3 * i * samples, level, nodes);
+            memcpy(layer.pixels + 6 * (pixel + i), nodes[0], sizeof nodes[0]);
             if (bad < 0)
                 continue;
             const double *sample = radiance + 3 * (i * samples + (size_t)bad);
@@ -84,6 +87,7 @@ static void render_block(Render *r, uint64_t first, int level)
         progress_show(&r->progress, ((double)film_samples(r->film) + done * (double)samples) * (double)pixels,
             fraction_done(r, film_samples(r->film), done, (double)samples));
     }
+    free(nodes);
     free(radiance);
     film_add(r->film, layer);
 }

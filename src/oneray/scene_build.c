@@ -1,4 +1,4 @@
-/* From the elements of a scene file to a Description: for each plugin one function, and one row in a table. */
+/* From the elements of a scene file to a Description: for each plugin a function, and a row in a table. */
 #include "scene_xml.h"
 
 #include <math.h>
@@ -31,7 +31,7 @@ static void read_plugin(Builder *builder, Node *node, const Plugin *plugins, int
         }
         snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", i ? ", " : "", plugins[i].type);
     }
-    fail(node, "<%s type=\"%.80s\"> is not supported (%s)", node->tag, type, list);
+    fail(node, "%s is not supported (%s)", describe(node), list);
 }
 
 /* The only child with this tag, or NULL. */
@@ -215,8 +215,8 @@ static void read_point(Builder *builder, Node *node)
         set_position(light, &to_world);
 }
 
-/* The scale of a matrix that only scales uniformly, rotates and perhaps mirrors: its columns are of one length and
-   at right angles. Else 0. */
+/* The scale of a matrix that only scales uniformly, rotates and perhaps mirrors: its columns are of one
+   length and at right angles. Else 0. */
 static double uniform_scale(const Affine *a, double tolerance)
 {
     double scale = cbrt(fabs(affine_determinant(*a)));
@@ -292,8 +292,6 @@ static const Plugin scene_emitters[] = {
     {"constant", read_constant}, {"area", refuse_area},
 };
 
-static const Plugin shape_emitters[] = {{"area", read_area}};
-
 /* Shapes. */
 
 /* Mitsuba's surfaces without a bsdf are a diffuse of reflectance 0.5, and lights without a bsdf black. */
@@ -322,12 +320,14 @@ static void add_shape(Builder *builder, Node *node, Shape shape)
     set_sides(builder, node, &shape);
     d->shapes = append_to(d->shapes, &d->shape_count, sizeof *d->shapes);
     d->shapes[d->shape_count - 1] = shape;
+    if (emitter && strcmp(attribute(emitter, "type"), "area") != 0)
+        fail(emitter, "%s cannot stand in a <shape>: only area does", describe(emitter));
     if (emitter)
-        read_plugin(builder, emitter, shape_emitters, COUNT(shape_emitters));
+        read_area(builder, emitter);
 }
 
-/* to_world · translate(center) · scale(radius). A mirrored sphere is turned inside out, as in Mitsuba; apart from
-   that neither a mirroring nor a rotation shows, so that what is kept is a scale and a shift. */
+/* to_world · translate(center) · scale(radius). A mirrored sphere is turned inside out, as in Mitsuba; apart
+   from that neither a mirroring nor a rotation shows, so that what is kept is a scale and a shift. */
 static void read_sphere(Builder *builder, Node *node)
 {
     Shape shape = {.kind = SHAPE_SPHERE, .to_world = affine_identity()};
@@ -447,7 +447,7 @@ static void read_perspective(Builder *builder, Node *node)
     enum { FOV, AXIS, NEAR_CLIP, FAR_CLIP, TO_WORLD };
     Property properties[] = {
         [FOV] = {"fov", AS_FLOAT, &fov, "(0,180)", NULL},
-        [AXIS] = {"fov_axis", AS_STRING, &axis, "x|y|diagonal|smaller|larger", NULL},
+        [AXIS] = {"fov_axis", AS_STRING, &axis, "x y diagonal smaller larger", NULL},
         [NEAR_CLIP] = {"near_clip", AS_FLOAT, &sensor->near_clip, "(0,inf)", NULL},
         [FAR_CLIP] = {"far_clip", AS_FLOAT, &sensor->far_clip, "(0,inf)", NULL},
         [TO_WORLD] = {"to_world", AS_TRANSFORM, &sensor->to_world, NULL, NULL},

@@ -13,11 +13,19 @@
 static const double PI = 3.14159265358979323846;
 static const char SEPARATORS[] = " ,\t\r\n";      /* between numbers */
 
-/* The tags that a kind of property may have; the others after the first are Mitsuba's conversions. */
-static const char *const tags_of_kind[] = {
-    [AS_FLOAT] = "float integer", [AS_COLOUR] = "rgb float integer", [AS_VECTOR] = "point vector",
-    [AS_INTEGER] = "integer", [AS_BOOLEAN] = "boolean", [AS_STRING] = "string", [AS_TRANSFORM] = "transform",
+/* The elements that may give a kind of property. */
+static const char *const elements_of_kind[] = {
+    [AS_FLOAT] = "<float> or <integer>", [AS_COLOUR] = "<rgb>, <float> or <integer>",
+    [AS_VECTOR] = "<point> or <vector>", [AS_INTEGER] = "<integer>", [AS_BOOLEAN] = "<boolean>",
+    [AS_STRING] = "<string>", [AS_TRANSFORM] = "<transform>",
 };
+
+static bool gives(const Node *node, PropertyKind kind)
+{
+    char element[16];
+    int length = snprintf(element, sizeof element, "<%s>", node->tag);
+    return length < COUNT(element) && strstr(elements_of_kind[kind], element);
+}
 
 static double parse_number(const Node *node, const char *text, size_t length)
 {
@@ -105,7 +113,8 @@ static int parse_integer(const Node *node, const char *text)
 /* An <integer> will do where a <float> is wanted. */
 static double parse_real(const Node *node, const char *text)
 {
-    return strcmp(node->tag, "integer") == 0 ? parse_integer(node, text) : parse_number(node, text, strlen(text));
+    bool integer = strcmp(node->tag, "integer") == 0;
+    return integer ? parse_integer(node, text) : parse_number(node, text, strlen(text));
 }
 
 static bool parse_boolean(const Node *node, const char *text)
@@ -149,18 +158,22 @@ double affine_determinant(Affine a)
          + a.m[0][2] * (a.m[1][0] * a.m[2][1] - a.m[1][1] * a.m[2][0]);
 }
 
-/* Rodrigues: R = cosθ I + sinθ [a]× + (1 − cosθ) a aᵀ. Mitsuba does not normalise the axis a, and what it makes of
-   any other than a unit vector is no rotation: that is refused. */
+/* Rodrigues: R = cosθ I + sinθ [a]× + (1 − cosθ) a aᵀ. Mitsuba does not normalise the axis a, and what it
+   makes of any other than a unit vector is no rotation: that is refused. */
 static Affine parse_rotate(const Node *node)
 {
     double a[3] = {0, 0, 0};
     const char *text = attribute(node, "angle");
     parse_xyz(node, false, a);
-    double angle = parse_number(node, text, strlen(text)) * PI / 180;
+    double degrees = parse_number(node, text, strlen(text)), angle = degrees * PI / 180;
     double length = sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
     if (fabs(length - 1) > 1e-3)
         fail(node, "<rotate>: the axis must have length 1, not %g (Mitsuba does not normalise it)", length);
     double c = cos(angle), s = sin(angle);
+    if (fmod(degrees, 90) == 0) {               /* quarter turns are exact: the axes stay axes */
+        c = nearbyint(c);
+        s = nearbyint(s);
+    }
     const double cross[3][3] = {{0, -a[2], a[1]}, {a[2], 0, -a[0]}, {-a[1], a[0], 0}};
     Affine result = affine_scale(c, c, c);
     for (int i = 0; i < 3; i++)
@@ -273,23 +286,15 @@ static void check_range(const Property *property, double value)
     const char *range = property->range;
     double low = strtod(range + 1, &end), high = strtod(end + 1, &end);
     if (value < low || value > high || (*range == '(' && value <= low) || (*end == ')' && value >= high))
-        fail(property->node, "\"%s\" must be in %s, not %g", property->name, range, value);
+        fail(property->node, "\"%s\" must be in %s, not %.9g", property->name, range, value);
 }
 
 static void check_choice(const Property *property, const char *value)
 {
     Text list = {0};
-    for (const char *at = property->range; *at; at += *at == '|') {
-        size_t length = strcspn(at, "|");
-        if (strlen(value) == length && strncmp(at, value, length) == 0) {
-            free(list.text);
-            return;
-        }
-        if (list.length)
-            append(&list, ", ", 2);
-        append(&list, at, length);
-        at += length;
-    }
+    if (find_word(property->range, value))
+        return;
+    append_words(&list, "", property->range, "");
     fail(property->node, "\"%s\" = \"%.80s\" is not supported (%s)", property->name, value, list.text);
 }
 
@@ -341,44 +346,38 @@ static const char *taken(const Property *properties, int count, const char *obje
 {
     Text list = {0};
     for (int i = 0; i < count; i++)
-        append_item(&list, "", properties[i].name, "");
-    for (const char *at = objects; *at; at += strspn(at, " ")) {
-        char tag[16];
-        size_t length = strcspn(at, " ");
-        snprintf(tag, sizeof tag, "%.*s", (int)length, at);
-        append_item(&list, "<", tag, ">");
-        at += length;
-    }
-    return list.length ? list.text : "nothing";
+        append_words(&list, "", properties[i].name, "");
+    append_words(&list, "<", objects, ">");
+    return list.length ? list.text : "none";
 }
 
 static Property *find_property(const Node *node, Property *properties, int count, const char *objects)
 {
-    const char *name = attribute(node, "name"), *type = attribute(node->parent, "type");
+    const char *name = attribute(node, "name");
     for (int i = 0; i < count; i++)
         if (strcmp(properties[i].name, name) == 0)
             return &properties[i];
-    fail(node, "<%s%s%s%s> has no property \"%.80s\" (%s)", node->parent->tag, type ? " type=\"" : "",
-         type ? type : "", type ? "\"" : "", name, taken(properties, count, objects));
+    fail(node, "%s has no property \"%.80s\" (%s)", describe(node->parent), name,
+         taken(properties, count, objects));
 }
 
 void read_properties(const Node *node, Property *properties, int count, const char *objects)
 {
     for (const Node *child = node->first; child; child = child->next) {
         bool is_property = false;
-        for (int i = 0; i < COUNT(tags_of_kind); i++)
-            is_property = is_property || find_word(tags_of_kind[i], child->tag);
+        for (int i = 0; i < COUNT(elements_of_kind); i++)
+            is_property = is_property || gives(child, (PropertyKind)i);
         if (!is_property && find_word(objects, child->tag))
             continue;
         if (!is_property)
-            fail(child, "<%s> is not supported in <%s> (%s)", child->tag, node->tag,
+            fail(child, "<%s> is not supported in %s (%s)", child->tag, describe(node),
                  taken(properties, count, objects));
         Property *property = find_property(child, properties, count, objects);
         if (property->node)
             fail(child, "\"%s\" is given twice, first in line %d", property->name, property->node->line);
-        if (!find_word(tags_of_kind[property->kind], child->tag))
-            fail(child, "\"%s\" must be a <%.*s>, not a <%s>", property->name,
-                 (int)strcspn(tags_of_kind[property->kind], " "), tags_of_kind[property->kind], child->tag);
+        if (!gives(child, property->kind))
+            fail(child, "\"%s\" must be given as %s, not as <%s>", property->name,
+                 elements_of_kind[property->kind], child->tag);
         if (child->first && property->kind != AS_TRANSFORM)
             fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);
         property->node = child;

@@ -42,13 +42,32 @@ void append(Text *text, const char *piece, size_t length)
     text->text[text->length] = '\0';
 }
 
-void append_item(Text *text, const char *before, const char *item, const char *after)
+void append_words(Text *text, const char *before, const char *words, const char *after)
 {
-    if (text->length)
-        append(text, ", ", 2);
-    append(text, before, strlen(before));
-    append(text, item, strlen(item));
-    append(text, after, strlen(after));
+    for (words += strspn(words, " !"); *words; words += strspn(words, " !")) {
+        size_t length = strcspn(words, " !");
+        if (text->length)
+            append(text, ", ", 2);
+        append(text, before, strlen(before));
+        append(text, words, length);
+        append(text, after, strlen(after));
+        words += length;
+    }
+}
+
+const char *describe(const Node *node)
+{
+    Text text = {0};
+    const char *type = attribute(node, "type");
+    append(&text, "<", 1);
+    append(&text, node->tag, strlen(node->tag));
+    if (type) {
+        append(&text, " type=\"", 7);
+        append(&text, type, strlen(type));
+        append(&text, "\"", 1);
+    }
+    append(&text, ">", 1);
+    return text.text;
 }
 
 static char *copy(const char *text)
@@ -93,11 +112,11 @@ static const char *defaults_list(const Reader *reader)
     Text list = {0};
     for (int i = 0; i < reader->parameter_count; i++)
         if (reader->parameters[i].declared)
-            append_item(&list, "", reader->parameters[i].name, "");
+            append_words(&list, "", reader->parameters[i].name, "");
     return list.length ? list.text : "none";
 }
 
-/* The value of the parameter with the longest name that text begins with, or NULL; sets the length of the name. */
+/* The value of the parameter with the longest name that text begins with, or NULL; and that length. */
 static const char *use_parameter(Reader *reader, const char *text, size_t *length)
 {
     const Declared *found = NULL;
@@ -123,8 +142,8 @@ static Declared *add_parameter(Reader *reader, const char *name, const char *val
     return added;
 }
 
-/* A copy of text with each $name replaced; \$ is a plain $. Control characters become spaces, so that messages
-   are one line. */
+/* A copy of text with each $name replaced; \$ is a plain $. Control characters become spaces, so that
+   messages are one line. */
 static char *substitute(Reader *reader, const char *text)
 {
     Text result = {0};
@@ -160,10 +179,12 @@ static void check_attributes(const Node *node)
             allowed = tags[i].attributes;
     if (!allowed)
         return;                                   /* an unknown element: its parent says what it takes */
+    Text list = {0};
     for (int i = 0; i < node->attribute_count; i++)
-        if (!find_word(allowed, node->attributes[i].name))
-            fail(node, "<%s> has no attribute \"%s\" (%s; ! marks what is needed)", node->tag,
-                 node->attributes[i].name, allowed);
+        if (!find_word(allowed, node->attributes[i].name)) {
+            append_words(&list, "", allowed, "");
+            fail(node, "<%s> has no attribute \"%s\" (%s)", node->tag, node->attributes[i].name, list.text);
+        }
     for (const char *at = allowed; (at = strchr(at, '!')); at++) {
         const char *start = at;
         while (start > allowed && start[-1] != ' ')
@@ -365,7 +386,7 @@ SceneFile *scene_file_open(const char *file, Parameter *parameters, int paramete
     XML_SetCharacterDataHandler(reader.parser, on_text);
     XML_SetStartDoctypeDeclHandler(reader.parser, on_doctype);
     if (XML_Parse(reader.parser, bytes, (int)size, 1) == XML_STATUS_ERROR)
-        die_at(file, line_of(&reader), "%s", XML_ErrorString(XML_GetErrorCode(reader.parser)));
+        die_at(file, line_of(&reader), "XML error: %s", XML_ErrorString(XML_GetErrorCode(reader.parser)));
     XML_ParserFree(reader.parser);
     free(bytes);
     for (int i = 0; i < parameter_count; i++)

@@ -32,6 +32,8 @@ void scene_file_close(SceneFile *scene);
 Node *find_id(const SceneFile *scene, const char *id);        /* or NULL */
 const char *attribute(const Node *node, const char *name);    /* or NULL */
 
+const char *describe(const Node *node);                       /* for a message: <bsdf type="diffuse"> */
+
 #define fail(node, ...) die_at((node)->file, (node)->line, __VA_ARGS__)
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
@@ -39,7 +41,7 @@ const char *attribute(const Node *node, const char *name);    /* or NULL */
 typedef struct { char *text; size_t length; } Text;
 
 void append(Text *text, const char *piece, size_t length);
-void append_item(Text *text, const char *before, const char *item, const char *after);     /* after a comma */
+void append_words(Text *text, const char *before, const char *words, const char *after);   /* by commas */
 const char *find_word(const char *list, const char *word);    /* in "some words needed!", or NULL */
 
 typedef enum { AS_FLOAT, AS_COLOUR, AS_VECTOR, AS_INTEGER, AS_BOOLEAN, AS_STRING, AS_TRANSFORM } PropertyKind;
@@ -48,13 +50,13 @@ typedef enum { AS_FLOAT, AS_COLOUR, AS_VECTOR, AS_INTEGER, AS_BOOLEAN, AS_STRING
 typedef struct {
     const char *name;
     PropertyKind kind;
-    void *to;                                     /* double, double[3] twice, int, bool, const char *, Affine */
-    const char *range;                            /* of numbers, "[0,1)"; of strings, "this|that"; or NULL */
+    void *to;                                     /* double, two of double[3], int, bool, char *, Affine */
+    const char *range;                            /* of numbers, "[0,1)"; of strings, "this that"; or NULL */
     const Node *node;                             /* set to the element that gave the property */
 } Property;
 
-/* Reads the properties of an element into their places. A child that is neither a property of the table nor one of
-   the objects, a list of tags such as "bsdf ref", is an error. */
+/* Reads the properties of an element into their places. A child that is neither a property of the table nor
+   one of the objects, a list of tags such as "bsdf ref", is an error. */
 void read_properties(const Node *node, Property *properties, int count, const char *objects);
 
 Affine affine_identity(void);

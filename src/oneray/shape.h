@@ -3,7 +3,8 @@
    No epsilon keeps a ray off the surface that it starts from: the ray knows which primitive that is. A flat one is left
    out; from a sphere or cube only the far side can be met, and only by a ray that goes inwards.
 
-   A slot is what a ray can hit: a rectangle, a disk, one of a cube's six faces, a sphere, numbered in this order. */
+   A slot is what a ray can hit: a rectangle (those along the axes first), a disk, one of a cube's six faces, a sphere,
+   numbered in this order. */
 #ifndef ONERAY_SHAPE_H
 #define ONERAY_SHAPE_H
 
@@ -14,13 +15,19 @@
 /* World to the unit shape: local coordinate i of p is row[i][0..2]·p + row[i][3]. */
 typedef struct { Num row[3][4]; } Local;
 
+#define HAS_FLAT (HAS_ALIGNED | HAS_RECTANGLE | HAS_DISK)
+
+/* A rectangle whose sides lie along axes u = axis+1 and v = axis+2 (mod 3), in the plane p[axis] = plane. */
+typedef struct { Num plane, center_u, center_v, half_u, half_v; } Aligned;
+
 typedef struct { Num center[3], radius; } Ball;
 
 typedef struct {
     int rectangle_count, disk_count, cube_count, sphere_count;
+    Aligned *aligned;                   /* by slot: those along x, y, z from aligned_slot[0], [1], [2] */
     Local *rectangles, *disks, *cubes;
     Ball *balls;
-    int disk_slot, cube_slot, sphere_slot, slot_count;   /* the first slot of each kind; rectangles start at 0 */
+    int aligned_slot[4], disk_slot, cube_slot, sphere_slot, slot_count; /* first slots; rectangles': aligned_slot[3] */
     Num (*anchor)[3];                   /* by slot: the unit normal n of a flat primitive, the center of a sphere */
     Num *offset;                        /* by slot: n·p of the flat one's plane; radius, negative if flip_normals */
 } Shapes;
@@ -56,6 +63,22 @@ INLINE Crossing flat_crossing(const Local *flat, const Ray *ray)
     c.x = row_point(flat->row[0], ray->o) * c.den + row_direction(flat->row[0], ray->d) * c.num;
     c.y = row_point(flat->row[1], ray->o) * c.den + row_direction(flat->row[1], ray->d) * c.num;
     return c;
+}
+
+/* The same for a rectangle along the axes: |x| <= half_u den, |y| <= half_v den is within. `axis` is a constant. */
+INLINE Real along(Vec a, int axis) { return axis == 0 ? a.x : axis == 1 ? a.y : a.z; }
+INLINE Crossing aligned_crossing(const Aligned *a, const Ray *ray, int axis)
+{
+    int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    Real d = along(ray->d, axis);
+    Crossing c = {flip_sign(real(a->plane) - along(ray->o, axis), d), real_abs(d), real(0), real(0)};
+    c.x = (along(ray->o, u) - real(a->center_u)) * c.den + along(ray->d, u) * c.num;
+    c.y = (along(ray->o, v) - real(a->center_v)) * c.den + along(ray->d, v) * c.num;
+    return c;
+}
+INLINE Mask within_aligned(const Aligned *a, Crossing c)
+{
+    return (real_abs(c.x) <= real(a->half_u) * c.den) & (real_abs(c.y) <= real(a->half_v) * c.den);
 }
 INLINE Mask within_rectangle(Crossing c) { return (real_abs(c.x) <= c.den) & (real_abs(c.y) <= c.den); }
 INLINE Mask within_disk(Crossing c) { return c.x * c.x + c.y * c.y <= c.den * c.den; }
@@ -114,28 +137,51 @@ INLINE Mask cube_outward(const Local *cube, const Ray *ray, Index face)
 /* What the ray meets of a solid: the near side, or from inside the far one. */
 INLINE Real stretch_hit(Stretch s, Mask on) { return select(and_not(s.near > real(0), on), s.near, s.far); }
 
-INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
+/* The nearest so far, t = num/den. */
+typedef struct { Real num, den; Index slot; } Nearest;
+
+INLINE void take_nearer(Nearest *nearest, Crossing c, Mask within, const Ray *ray, int slot)
 {
-    Hit hit = {ray->tmax, index_of(-1)};
-    Real den = real(1);
+    Mask nearer = within & (c.num > real(0)) & (c.num * nearest->den < nearest->num * c.den)
+        & (ray->from != index_of(slot));
+    nearest->num = select(nearer, c.num, nearest->num);
+    nearest->den = select(nearer, c.den, nearest->den);
+    nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
+}
+
+INLINE void aligned_nearest(const Shapes *shapes, const Ray *ray, int axis, Nearest *nearest)
+{
+    for (int slot = shapes->aligned_slot[axis]; slot < shapes->aligned_slot[axis + 1]; slot++) {
+        Crossing c = aligned_crossing(&shapes->aligned[slot], ray, axis);
+        take_nearer(nearest, c, within_aligned(&shapes->aligned[slot], c), ray, slot);
+    }
+}
+
+/* The nearest of the flat shapes, with the one division that this takes. */
+INLINE Hit flat_hit(const Shapes *shapes, const Ray *ray, Features f)
+{
+    Nearest nearest = {ray->tmax, real(1), index_of(-1)};
+    if (f & HAS_ALIGNED) {
+        aligned_nearest(shapes, ray, 0, &nearest);
+        aligned_nearest(shapes, ray, 1, &nearest);
+        aligned_nearest(shapes, ray, 2, &nearest);
+    }
     if (f & HAS_RECTANGLE)
-        for (int i = 0; i < shapes->rectangle_count; i++) {
+        for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->rectangles[i], ray);
-            Mask closer = (c.num > real(0)) & (c.num * den < hit.t * c.den) & within_rectangle(c)
-                & (ray->from != index_of(i));
-            hit = (Hit){select(closer, c.num, hit.t), index_select(closer, index_of(i), hit.slot)};
-            den = select(closer, c.den, den);
+            take_nearer(&nearest, c, within_rectangle(c), ray, slot);
         }
     if (f & HAS_DISK)
         for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->disks[i], ray);
-            Mask closer = (c.num > real(0)) & (c.num * den < hit.t * c.den) & within_disk(c)
-                & (ray->from != index_of(slot));
-            hit = (Hit){select(closer, c.num, hit.t), index_select(closer, index_of(slot), hit.slot)};
-            den = select(closer, c.den, den);
+            take_nearer(&nearest, c, within_disk(c), ray, slot);
         }
-    if (f & (HAS_RECTANGLE | HAS_DISK))
-        hit.t = hit.t / den;
+    return (Hit){f & HAS_FLAT ? nearest.num / nearest.den : nearest.num, nearest.slot};
+}
+
+INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
+{
+    Hit hit = flat_hit(shapes, ray, f);
     if (f & HAS_CUBE)
         for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
             Faces faces = {index_of(0), index_of(0)};
@@ -170,21 +216,39 @@ INLINE Mask stretch_blocks(Stretch s, const Ray *ray, Mask on, Mask is_target)
     return s.met & ((is_target & itself) | and_not(other, is_target));
 }
 
+/* Is a flat shape in the way, one that is neither where the ray starts nor where it ends? */
+INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, int slot)
+{
+    return within & (c.num > real(0)) & (c.num < ray->tmax * c.den) & (ray->from != index_of(slot))
+        & (target != index_of(slot));
+}
+
+INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, int axis)
+{
+    Mask blocked = mask_none();
+    for (int slot = shapes->aligned_slot[axis]; slot < shapes->aligned_slot[axis + 1]; slot++) {
+        Crossing c = aligned_crossing(&shapes->aligned[slot], ray, axis);
+        blocked |= flat_blocks(c, within_aligned(&shapes->aligned[slot], c), ray, target, slot);
+    }
+    return blocked;
+}
+
 /* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for none. */
 INLINE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Index target, Features f)
 {
     Mask blocked = mask_none();
+    if (f & HAS_ALIGNED)
+        blocked = aligned_blocks(shapes, ray, target, 0) | aligned_blocks(shapes, ray, target, 1)
+            | aligned_blocks(shapes, ray, target, 2);
     if (f & HAS_RECTANGLE)
-        for (int i = 0; i < shapes->rectangle_count; i++) {
+        for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->rectangles[i], ray);
-            blocked |= (c.num > real(0)) & (c.num < ray->tmax * c.den) & within_rectangle(c)
-                & (ray->from != index_of(i)) & (target != index_of(i));
+            blocked |= flat_blocks(c, within_rectangle(c), ray, target, slot);
         }
     if (f & HAS_DISK)
         for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->disks[i], ray);
-            blocked |= (c.num > real(0)) & (c.num < ray->tmax * c.den) & within_disk(c)
-                & (ray->from != index_of(slot)) & (target != index_of(slot));
+            blocked |= flat_blocks(c, within_disk(c), ray, target, slot);
         }
     if (f & HAS_CUBE)
         for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
@@ -212,7 +276,7 @@ INLINE void shapes_surface(const Shapes *shapes, const Ray *ray, Hit hit, Featur
     Real offset = gather(shapes->offset, slot);
     *p = vec_add(ray->o, vec_scale(ray->d, hit.t));
     *n = anchor;
-    if (f & (HAS_RECTANGLE | HAS_DISK | HAS_CUBE))
+    if (f & (HAS_FLAT | HAS_CUBE))
         *p = vec_sub(*p, vec_scale(*n, vec_dot(*n, *p) - offset));
     if (f & HAS_SPHERE) {
         Mask round = slot >= index_of(shapes->sphere_slot);

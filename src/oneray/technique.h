@@ -22,6 +22,7 @@ typedef struct {
    features; what is not in the set is not in its machine code. */
 #define FEATURES(X) \
     X(HAS_RECTANGLE,       "rectangle")          X(HAS_DISK,         "disk") \
+    X(HAS_ALIGNED,         "rectangle along the axes") \
     X(HAS_SPHERE,          "sphere")             X(HAS_CUBE,         "cube") \
     X(HAS_DIFFUSE,         "diffuse")            X(HAS_CONDUCTOR,    "conductor") \
     X(HAS_FRESNEL,         "Fresnel")            X(HAS_AREA,         "area light") \
