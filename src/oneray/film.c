@@ -38,13 +38,14 @@ static inline void join_equal(double to[6], const double a[6], const double b[6]
     }
 }
 
-/* The same for na and nb samples. */
-static void join(double a[6], double na, const double b[6], double nb)
+/* A mean and squared deviations of n samples take in a layer's sums of `more` samples. By the mean, not the sum: equal
+   samples leave the mean exactly theirs and the deviations exactly zero, whatever the counts. */
+static void take_in(double mean[3], double deviation[3], double n, const double layer[6], double more)
 {
     for (int c = 0; c < 3; c++) {
-        double difference = b[c] / nb - a[c] / na;
-        a[3 + c] = a[3 + c] + b[3 + c] + difference * difference * (na * nb / (na + nb));
-        a[c] += b[c];
+        double difference = layer[c] / more - mean[c];
+        mean[c] += difference * (more / (n + more));
+        deviation[c] += layer[3 + c] + difference * difference * (n * more / (n + more));
     }
 }
 
@@ -87,20 +88,16 @@ int film_estimate(const Film *film, float *mean, float *standard_error)
 {
     double n = (double)film_samples(film);
     for (size_t i = 0; i < pixel_count(film); i++) {
-        double sum[6] = {0}, count = 0;
+        double estimate[3] = {0}, deviation[3] = {0}, count = 0;
         for (int k = 0; k < film->layer_count; k++) {
             double more = ldexp(1, film->layers[k].level);
-            const double *node = film->layers[k].pixels + 6 * i;
-            if (k == 0)
-                memcpy(sum, node, sizeof sum);
-            else
-                join(sum, count, node, more);
+            take_in(estimate, deviation, count, film->layers[k].pixels + 6 * i, more);
             count += more;
         }
-        for (int c = 0; c < 3; c++) {
-            mean[3 * i + (size_t)c] = (float)(sum[c] / n);
+        for (size_t c = 0; c < 3; c++) {
+            mean[3 * i + c] = (float)estimate[c];
             if (n > 1)
-                standard_error[3 * i + (size_t)c] = (float)sqrt(sum[3 + c] / (n - 1) / n);
+                standard_error[3 * i + c] = (float)sqrt(deviation[c] / (n - 1) / n);
         }
     }
     return n > 1;

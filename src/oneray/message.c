@@ -29,9 +29,11 @@ void unfinished_file(const char *temporary_name)
         die("%s: the file name is too long", temporary_name);
     strcpy(unfinished, temporary_name);
     is_unfinished = 1;
-    const int signals[] = {SIGINT, SIGTERM, SIGHUP, SIGXFSZ, SIGPIPE};
+    const int signals[] = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
     for (size_t i = 0; i < sizeof signals / sizeof *signals; i++)
-        signal(signals[i], on_signal);
+        if (signal(signals[i], on_signal) == SIG_IGN)
+            signal(signals[i], SIG_IGN);        /* as under nohup */
+    signal(SIGXFSZ, SIG_IGN);                   /* a file that may not grow is an error of the write */
 }
 
 static void say(const char *prefix, const char *format, va_list arguments)

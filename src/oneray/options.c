@@ -41,18 +41,18 @@ static const char usage[] =
     "usage: oneray SCENE.xml [-o OUT.exr] [-Dname=value ...] [options]\n"
     "       oneray merge PART.film ... -o OUT.exr\n"
     "\n"
-    "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each selectable. All give\n"
-    "the same picture on average and differ only in variance. Defaults are marked *.\n"
+    "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each\n"
+    "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n"
     "\n"
-    "  -o OUT.exr             mean and standard error; without it the scene is rendered and only --stats tells of it\n"
+    "  -o OUT.exr             mean and standard error of each pixel\n"
     "  -Dname=value           sets a <default> of the scene\n"
     "  --spp N                samples per pixel, instead of the scene's sample_count\n"
     "  --time SECONDS         as many samples per pixel as the time allows, at least one\n"
     "  --seed S               0*; another seed gives other, independent samples\n";
 
 static const char usage_end[] =
-    "  --samples FIRST:COUNT  only these samples of each pixel, into --film PART.film; `oneray merge` joins the parts to\n"
-    "                         the very picture that one run would have made\n"
+    "  --samples FIRST:COUNT  only these samples of each pixel, into --film PART.film; `oneray merge`\n"
+    "                         joins the parts to the very picture that one run would have made\n"
     "  --precision double*|single\n"
     "  --lanes auto*|N        paths at once; the bits do not depend on it\n"
     "  --kernel auto*|generic specialised for what the scene has, or the general one; the same bits\n"
@@ -60,7 +60,7 @@ static const char usage_end[] =
     "  --quiet                no progress line\n"
     "  --version, --help\n"
     "\n"
-    "exit status: 0 done, 2 the command line, the scene or a file was wrong (one line on standard error says where)\n";
+    "exit status: 0 done, 2 the command line, the scene or a file was wrong (standard error says where)\n";
 
 static void help(void)
 {
@@ -68,14 +68,21 @@ static void help(void)
     for (int i = 0; i < CHOICES; i++) {
         printf("  %-22s %s\n", choices[i].name, choices[i].help);
         for (int v = 0; choices[i].values[v].name; v++)
-            printf("      %-7s%c           %s\n", choices[i].values[v].name, v == choices[i].given ? '*' : ' ',
+            printf("      %-8s%c          %s\n", choices[i].values[v].name, v == choices[i].given ? '*' : ' ',
                 choices[i].values[v].help);
     }
     fputs(usage_end, stdout);
-    printf("\nkernels of this build that run here:");
+    const char *last = "";
+    fputs("\nkernels that run here:", stdout);
     for (int i = 0; kernel_built(i); i++)
-        if (kernel_runs(kernel_built(i)))
-            printf(" %s x %d", kernel_built(i)->precision, kernel_built(i)->lanes);
+        if (kernel_runs(kernel_built(i))) {
+            const Kernel *kernel = kernel_built(i);
+            if (strcmp(last, kernel->precision))
+                printf("%s %s x %d", *last ? ";" : "", kernel->precision, kernel->lanes);
+            else
+                printf(", %d", kernel->lanes);
+            last = kernel->precision;
+        }
     putchar('\n');
 }
 

@@ -482,6 +482,8 @@ static void read_path(Builder *builder, Node *node)
         {"hide_emitters", AS_BOOLEAN, &d->hide_emitters, NULL, NULL},
     };
     read_properties(node, properties, COUNT(properties), "");
+    if (d->max_depth == 0)
+        fail(properties[0].node, "\"max_depth\" 0 is a black image: -1 is without limit, 1 emission only");
 }
 
 static const Plugin integrators[] = {{"path", read_path}};

@@ -27,6 +27,7 @@ static bool gives(const Node *node, PropertyKind kind)
     return length < COUNT(element) && strstr(elements_of_kind[kind], element);
 }
 
+/* A number and nothing else: neither nan, inf nor hexadecimal. */
 static double parse_number(const Node *node, const char *text, size_t length)
 {
     char digits[64], *end = digits;

@@ -1,0 +1,219 @@
+"""oneray's command line: what it writes, how it ends, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from building import ROOT
+
+BOX = ROOT / "scenes/cornell-box.xml"
+POINT = ROOT / "scenes/point-light.xml"
+
+
+def run(*command: str | Path, **settings) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **settings)
+
+
+def refusal(oneray: Path, *words: str | Path) -> str:
+    """The one line of an error, with its exit status."""
+    done = run(oneray, *words)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+    return done.stderr
+
+
+def test_picture_and_attributes(oneray: Path, tmp_path: Path) -> None:
+    """Float32 channels of mean and standard error, and what the picture was made with."""
+    assert run(oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "16", "--seed", "3").returncode == 0
+    image = oiio.ImageBuf(str(tmp_path / "out.exr"))
+    spec = image.spec()
+    assert list(spec.channelnames) == ["R", "G", "B", "stderr.R", "stderr.G", "stderr.B"]
+    assert spec.format == oiio.FLOAT
+    assert spec.getattribute("samplesPerPixel") == 16
+    assert spec.getattribute("renderTimeSeconds") > 0
+    assert "--seed 3" in spec.getattribute("oneray")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.exr"]
+
+
+def test_standard_error_is_the_spread_of_seeds(oneray: Path, tmp_path: Path) -> None:
+    """stderr, squared and averaged over 24 seeds, is the variance between them: within 5 standard errors (3 %)."""
+    means, squares = [], []
+    for seed in range(24):
+        assert run(oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "64", "--seed", str(seed)).returncode == 0
+        pixels = oiio.ImageBuf(str(tmp_path / "out.exr")).get_pixels(oiio.FLOAT).astype(float)
+        means.append(pixels[..., :3])
+        squares.append(pixels[..., 3:] ** 2)
+    ratio = np.var(means, axis=0, ddof=1).mean() / np.mean(squares)
+    assert abs(ratio - 1) < 0.03
+
+
+def test_one_sample_has_no_standard_error(oneray: Path, tmp_path: Path) -> None:
+    assert run(oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "1").returncode == 0
+    assert list(oiio.ImageBuf(str(tmp_path / "out.exr")).spec().channelnames) == ["R", "G", "B"]
+
+
+def test_constant_pixels_have_no_error_at_all(oneray: Path, tmp_path: Path) -> None:
+    """Where every sample is the same, the mean is that sample and its standard error exactly 0, also at odd counts."""
+    assert run(oneray, BOX, "-Ddepth=1", "-o", tmp_path / "out.exr", "--spp", "37").returncode == 0
+    pixels = oiio.ImageBuf(str(tmp_path / "out.exr")).get_pixels(oiio.FLOAT)
+    lit = pixels[..., 0] == pixels[..., 0].max()
+    assert lit.sum() > 10
+    assert (pixels[lit][:, 3:] == 0).all()
+    assert (pixels[pixels[..., 0] == 0][:, 3:] == 0).all()
+
+
+def test_stats(oneray: Path, tmp_path: Path) -> None:
+    """JSON that counts: paths, and rays within what the depth allows."""
+    done = run(oneray, BOX, "--stats", "-", "--spp", "4", "-Ddepth=3")
+    stats = json.loads(done.stdout)
+    assert (stats["width"], stats["height"], stats["spp"], stats["paths"]) == (64, 64, 4, 64 * 64 * 4)
+    assert stats["paths"] <= stats["rays"] <= 3 * stats["paths"]
+    assert 0 < stats["shadow_rays"] <= 2 * stats["paths"]
+    assert "mirror" not in stats["features"]
+    assert set(stats["features"]).isdisjoint(stats["left_out"])
+    assert {"load", "build", "render", "write"} == set(stats["seconds"])
+    assert run(oneray, BOX, "--stats", tmp_path / "s.json", "--spp", "1").returncode == 0
+    assert json.loads((tmp_path / "s.json").read_text())["spp"] == 1
+
+
+def test_time_budget(oneray: Path) -> None:
+    """--time renders for about as long, and says how many samples that gave; a tiny budget still gives one."""
+    done = run(oneray, BOX, "--time", "1", "--stats", "-")
+    stats = json.loads(done.stdout)
+    assert stats["spp"] > 1
+    assert 0.3 < stats["seconds"]["render"] < 2
+    assert json.loads(run(oneray, BOX, "--time", "0.000001", "--stats", "-").stdout)["spp"] == 1
+
+
+def test_sample_count_is_the_scenes_unless_given(oneray: Path) -> None:
+    assert json.loads(run(oneray, BOX, "--stats", "-").stdout)["spp"] == 64
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_signal_leaves_no_half_file(oneray: Path, tmp_path: Path, number: signal.Signals) -> None:
+    """Ended in the middle of the render: no picture, no temporary file, and an older picture untouched."""
+    (tmp_path / "out.exr").write_bytes(b"older")
+    process = subprocess.Popen([oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "1000000"])
+    time.sleep(0.3)
+    process.send_signal(number)
+    assert process.wait(10) == -number
+    assert [path.name for path in tmp_path.iterdir()] == ["out.exr"]
+    assert (tmp_path / "out.exr").read_bytes() == b"older"
+
+
+def test_full_disk(oneray: Path, tmp_path: Path) -> None:
+    """A file that cannot be finished is an error, and gone."""
+    import resource
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+
+    for option in (["-o", tmp_path / "out.exr"], ["--samples", "0:4", "--film", tmp_path / "a.film"]):
+        done = run(oneray, BOX, *option, preexec_fn=limit)
+        assert done.returncode == 2, done.stderr
+        assert "cannot be written" in done.stderr
+        assert list(tmp_path.iterdir()) == []
+    if os.path.exists("/dev/full"):
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([oneray, BOX, "--stats", "-"], stdout=full, stderr=subprocess.PIPE, check=False)
+        assert done.returncode == 2
+        assert b"cannot be written" in done.stderr
+
+
+def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> None:
+    """What cannot be written is said at once, not after a render of hours."""
+    start = time.monotonic()
+    line = refusal(oneray, BOX, "-o", tmp_path / "no/such/out.exr", "--spp", "100000000")
+    assert "No such file or directory" in line
+    assert "a folder" in refusal(oneray, BOX, "-o", tmp_path)
+    assert "a device" in refusal(oneray, BOX, "-o", "/dev/null")
+    assert time.monotonic() - start < 5
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "a scene is wanted"),
+        (["missing.xml", "-o", "out.exr"], "missing.xml"),
+        ([BOX], "nothing to do"),
+        ([BOX, BOX, "-o", "out.exr"], "one scene is wanted"),
+        ([BOX, "-o"], "a value is wanted after it"),
+        ([BOX, "--spp", "0", "-o", "out.exr"], "--spp 0: a whole number from 1"),
+        ([BOX, "--spp", "1e3", "-o", "out.exr"], "--spp 1e3: a whole number"),
+        ([BOX, "--spp", "-3", "-o", "out.exr"], "--spp -3: a whole number"),
+        ([BOX, "--seed", "18446744073709551616", "-o", "out.exr"], "--seed 18446744073709551616: a whole number"),
+        ([BOX, "--time", "soon", "-o", "out.exr"], "--time soon: a number of seconds"),
+        ([BOX, "--spp", "1", "--time", "1", "-o", "out.exr"], "give one of them"),
+        ([BOX, "--estimator", "light", "-o", "out.exr"], "--estimator light is not supported (walk, nee, mis)"),
+        ([BOX, "--light-points", "cone", "-o", "out.exr"], "--light-points cone is not supported (area)"),
+        ([BOX, "--light-choice", "learned", "-o", "out.exr"], "is not supported (uniform, power)"),
+        ([BOX, "--mis", "power", "--estimator", "nee", "-o", "out.exr"], "goes with --estimator mis only"),
+        ([BOX, "--light-choice", "power", "--estimator", "walk", "-o", "out.exr"], "sends no ray to a light"),
+        ([POINT, "--estimator", "walk", "-o", "out.exr"], "no random ray hits a point light"),
+        ([BOX, "-Ddepth=-1", "--roulette", "none", "-o", "out.exr"], "its paths would never end"),
+        ([BOX, "-Ddeep=3", "-o", "out.exr"], "deep"),
+        ([BOX, "-Ddepth=3", "-Ddepth=4", "-o", "out.exr"], "is given twice"),
+        ([BOX, "-Ddepth", "-o", "out.exr"], "-Dname=value is wanted"),
+        ([BOX, "--lanes", "3", "-o", "out.exr"], "no such kernel"),
+        ([BOX, "--precision", "half", "-o", "out.exr"], "is not supported (double, single)"),
+        ([BOX, "--samples", "0:4", "-o", "out.exr"], "--samples and --film go together"),
+        ([BOX, "--samples", "4", "--film", "a.film"], "FIRST:COUNT is wanted"),
+        ([BOX, "--bounces", "4", "-o", "out.exr"], "--bounces is no option"),
+        (["merge", "-o", "out.exr"], "no film is given"),
+        (["merge", BOX, "-o", "out.exr"], "is not a film"),
+        (["merge", "a.film"], "-o OUT.exr is wanted"),
+    ],
+    ids=lambda value: " ".join(Path(word).name for word in value) if isinstance(value, list) else "",
+)
+def test_refused(oneray: Path, words: list[str | Path], message: str, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in refusal(oneray, *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_endless_paths_are_an_error(oneray: Path, tmp_path: Path) -> None:
+    """A closed scene that absorbs nothing and has no depth limit: said with the pixel, not cut short in silence."""
+    scene = tmp_path / "closed.xml"
+    scene.write_text(
+        '<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="-1"/></integrator>'
+        '<sensor type="perspective"><float name="fov" value="40"/><film type="hdrfilm">'
+        '<integer name="width" value="2"/><integer name="height" value="1"/><rfilter type="box"/></film>'
+        '<sampler type="independent"><integer name="sample_count" value="1"/></sampler></sensor>'
+        '<shape type="cube"><boolean name="flip_normals" value="true"/><bsdf type="conductor">'
+        '<string name="material" value="none"/></bsdf></shape></scene>'
+    )
+    done = run(oneray, scene, "-o", tmp_path / "out.exr", "--quiet")
+    assert done.returncode == 2
+    assert "a path did not end within" in done.stderr
+    assert not (tmp_path / "out.exr").exists()
+
+
+def test_help_and_version(oneray: Path) -> None:
+    """--help names the lecture's technique of every option value."""
+    text = run(oneray, "--help").stdout
+    for technique in ("L4", "L7", "L8", "L9", "L10", "L13", "L14", "L19"):
+        assert technique in text
+    assert max(map(len, text.splitlines())) <= 110
+    assert run(oneray, "--version").stdout.startswith("oneray ")
+
+
+def test_progress_only_on_a_terminal(oneray: Path, tmp_path: Path) -> None:
+    import pty
+
+    assert run(oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "4").stderr == ""
+    parent, child = pty.openpty()
+    subprocess.run([oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "64"], stderr=child, check=True)
+    os.close(child)
+    shown = os.read(parent, 10000).decode()
+    assert "100 %" in shown
+    assert "samples/s" in shown

@@ -1,0 +1,54 @@
+"""oneray under AddressSanitizer (with leaks) and UndefinedBehaviorSanitizer: good scenes, bad scenes, merging."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from building import ROOT, build, kernels
+
+pytestmark = pytest.mark.xdist_group("sanitizers")
+
+SCENES = [*sorted((ROOT / "scenes").glob("*.xml")), ROOT / "tests/everything.xml"]
+MALFORMED = sorted((ROOT / "tests/malformed").glob("*.xml"))
+
+
+@pytest.fixture(scope="module")
+def sanitized(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A build that ends at the first error of memory or arithmetic."""
+    flags = "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer"
+    return build(tmp_path_factory.mktemp("sanitized"), CFLAGS=flags, KERNELS="generic")
+
+
+def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    assert "Sanitizer" not in done.stderr, done.stderr[:2000]
+    assert "runtime error" not in done.stderr, done.stderr[:2000]
+    return done
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
+def test_scenes(sanitized: Path, tmp_path: Path, scene: Path) -> None:
+    """Each estimator at each width, and the whole way to a picture."""
+    for precision, lanes in kernels(sanitized):
+        for estimator in ("walk", "nee", "mis"):
+            done = run(
+                sanitized, scene, "-o", tmp_path / "out.exr", "--spp", "1", "--estimator", estimator, "--precision",
+                precision, "--lanes", str(lanes), "--stats", tmp_path / "stats.json",
+            )  # fmt: skip
+            assert done.returncode == 0 or "no random ray hits" in done.stderr
+
+
+def test_hidden_emitters_and_merge(sanitized: Path, tmp_path: Path) -> None:
+    scene = ROOT / "tests/everything.xml"
+    assert run(sanitized, scene, "-Dhide=true", "--samples", "0:3", "--film", tmp_path / "a").returncode == 0
+    assert run(sanitized, scene, "-Dhide=true", "--samples", "3:6", "--film", tmp_path / "b").returncode == 0
+    assert run(sanitized, "merge", tmp_path / "b", tmp_path / "a", "-o", tmp_path / "out.exr").returncode == 0
+
+
+def test_malformed_scenes(sanitized: Path, tmp_path: Path) -> None:
+    """All of them in one test: each ends with its error, not with the sanitizer's."""
+    assert len(MALFORMED) >= 60
+    for scene in MALFORMED:
+        assert run(sanitized, scene, "-o", tmp_path / "out.exr").returncode == 2, scene.name
