@@ -44,6 +44,18 @@ def test_picture_and_attributes(oneray: Path, tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.exr"]
 
 
+def test_noise_is_written_as_it_is(oneray: Path, tmp_path: Path) -> None:
+    """Every float of a noisy picture reads back as the film has it, whatever the noise."""
+    for seed in [*range(12), 1505037579]:
+        options = [oneray, ROOT / "scenes/furnace.xml", "--estimator", "walk", "--seed", str(seed)]
+        assert run(*options, "--spp", "128", "-o", tmp_path / "out.exr").returncode == 0
+        assert run(*options, "--samples", "0:128", "--film", tmp_path / "film").returncode == 0
+        film = (tmp_path / "film").read_bytes()
+        layer = np.frombuffer(film[-32 * 32 * 6 * 8 :]).reshape(32, 32, 6)
+        pixels = oiio.ImageBuf(str(tmp_path / "out.exr")).get_pixels(oiio.FLOAT)
+        np.testing.assert_array_equal(pixels[..., :3], (layer[..., :3] / 128).astype(np.float32))
+
+
 def test_standard_error_is_the_spread_of_seeds(oneray: Path, tmp_path: Path) -> None:
     """stderr, squared and averaged over 24 seeds, is the variance between them: within 5 standard errors (3 %)."""
     means, squares = [], []

@@ -29,7 +29,9 @@ static void write_header(exr_context_t context, const Picture *picture, const ch
 {
     int part, channels = picture->standard_error ? CHANNELS : 3;
     check(exr_add_part(context, "", EXR_STORAGE_SCANLINE, &part), file);
-    check(exr_initialize_required_attr_simple(context, part, picture->width, picture->height, EXR_COMPRESSION_ZIP),
+    /* Uncompressed: OpenEXRCore 3.1 stores a block that zip cannot make smaller, as noise often is, in a form that does
+       not read back. */
+    check(exr_initialize_required_attr_simple(context, part, picture->width, picture->height, EXR_COMPRESSION_NONE),
         file);
     for (int i = 0; i < channels; i++)
         check(exr_add_channel(context, part, channel_names[i], EXR_PIXEL_FLOAT, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1),
