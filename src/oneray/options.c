@@ -147,13 +147,13 @@ static void parameter(Options *options, const char *word)
     options->parameters[options->parameter_count++] = (Parameter){copy, equals + 1, false};
 }
 
-/* Options that take a word. Returns whether `name` is one of them. */
-static bool with_word(Options *o, int given[CHOICES], const char *name, const char *word)
+/* An option that takes a word. */
+static void with_word(Options *o, int given[CHOICES], const char *name, const char *word)
 {
     for (int i = 0; i < CHOICES; i++)
         if (!strcmp(name, choices[i].name)) {
             given[i] = choose(&choices[i], word);
-            return true;
+            return;
         }
     if (!strcmp(name, "-o"))
         o->output = word;
@@ -177,11 +177,8 @@ static bool with_word(Options *o, int given[CHOICES], const char *name, const ch
         o->generic = !strcmp(word, "generic");
     else if (!strcmp(name, "--kernel"))
         die("--kernel %s is not supported (auto, generic)", word);
-    else if (!strcmp(name, "--lanes"))
-        o->lanes = strcmp(word, "auto") ? (int)whole(name, word, 1, 16) : 0;
     else
-        return false;
-    return true;
+        o->lanes = strcmp(word, "auto") ? (int)whole(name, word, 1, 16) : 0;
 }
 
 /* What can be seen to make no sense before the scene is read. `given` is -1 for an option that was not. */
@@ -227,6 +224,19 @@ static void flag(Options *options, const char *word)
         options->scene = word;
 }
 
+static bool takes_word(const char *name)
+{
+    static const char *const names[] = {"-o", "--spp", "--time", "--seed", "--samples", "--film", "--stats",
+        "--precision", "--kernel", "--lanes"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (!strcmp(name, names[i]))
+            return true;
+    for (int i = 0; i < CHOICES; i++)
+        if (!strcmp(name, choices[i].name))
+            return true;
+    return false;
+}
+
 Options options_read(int count, char **words)
 {
     Options o = {0};
@@ -235,20 +245,14 @@ Options options_read(int count, char **words)
     for (int i = 0; i < CHOICES; i++)
         given[i] = -1;
     for (int i = 1; i < count; i++) {
-        const char *next = i + 1 < count ? words[i + 1] : NULL;
-        static const char *const names[] = {"-o", "--spp", "--time", "--seed", "--samples", "--film", "--stats",
-            "--precision", "--kernel", "--lanes"};
-        bool takes_word = false;
-        for (size_t k = 0; k < sizeof names / sizeof *names; k++)
-            takes_word |= !strcmp(words[i], names[k]);
-        for (int k = 0; k < CHOICES; k++)
-            takes_word |= !strcmp(words[i], choices[k].name);
-        if (takes_word && !next)
-            die("%s: a value is wanted after it", words[i]);
-        if (takes_word && with_word(&o, given, words[i], next))
-            i++;
-        else
+        if (!takes_word(words[i])) {
             flag(&o, words[i]);
+            continue;
+        }
+        if (i + 1 == count)
+            die("%s: a value is wanted after it", words[i]);
+        with_word(&o, given, words[i], words[i + 1]);
+        i++;
     }
     int value[CHOICES];
     for (int i = 0; i < CHOICES; i++)
