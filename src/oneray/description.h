@@ -1,5 +1,5 @@
-/* A scene as its file says it: plain doubles, no lanes. scene_xml.c fills a Description, scene.h prepares it for
-   the lanes of a kernel. Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
+/* A scene as its file says it: plain doubles, no lanes. scene_xml.c fills a Description, scene.h prepares it
+   for the lanes of a kernel. Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
 #ifndef ONERAY_DESCRIPTION_H
 #define ONERAY_DESCRIPTION_H
 
@@ -7,17 +7,19 @@
 #include <stdint.h>
 
 /* The first three rows of an affine matrix: a point p goes to m[i][0..2]·p + m[i][3]. */
-typedef struct { double m[3][4]; } Affine;
+typedef struct {
+    double m[3][4];
+} Affine;
 
-enum { MATERIAL_NONE = -1 };                      /* black: what a one-sided material is from behind */
+enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind */
 
 typedef enum { MATERIAL_DIFFUSE, MATERIAL_CONDUCTOR, MATERIAL_KINDS } MaterialKind;
 
 typedef struct {
     MaterialKind kind;
-    double reflectance[3];                        /* albedo of a diffuse, specular_reflectance of a conductor */
-    bool fresnel;                                 /* conductor: false for Mitsuba's material "none", a perfect mirror */
-    double eta[3], k[3];                          /* conductor: complex index of refraction eta + i k, by channel */
+    double reflectance[3]; /* albedo of a diffuse, specular_reflectance of a conductor */
+    bool fresnel;          /* conductor: false for Mitsuba's material "none", a perfect mirror */
+    double eta[3], k[3];   /* conductor: complex index of refraction eta + i k, by channel */
     int line;
 } Material;
 
@@ -25,39 +27,46 @@ typedef enum { SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_DISK, SHAPE_CUBE, SHAPE_KIND
 
 typedef struct {
     ShapeKind kind;
-    Affine to_world;                              /* of the unit shape: sphere x²+y²+z² = 1; rectangle [-1,1]² and
-                                                     disk x²+y² ≤ 1 at z = 0 with normal +z; cube [-1,1]³. A sphere's
-                                                     center and radius are folded in: it is a uniform scale. */
+    Affine to_world; /* of the unit shape: sphere x²+y²+z² = 1; rectangle [-1,1]² and
+                        disk x²+y² ≤ 1 at z = 0 with normal +z; cube [-1,1]³. A sphere's
+                        center and radius are folded in: it is a uniform scale. */
     bool flip_normals;
-    int front, back;                              /* index into materials, or MATERIAL_NONE, by side of the normal */
-    int light;                                    /* index into lights, or -1 */
+    int front, back; /* index into materials, or MATERIAL_NONE, by side of the normal */
+    int light;       /* index into lights, or -1 */
     int line;
 } Shape;
 
-typedef enum { LIGHT_AREA, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_CONSTANT, LIGHT_KINDS } LightKind;
+typedef enum {
+    LIGHT_AREA,
+    LIGHT_POINT,
+    LIGHT_SPOT,
+    LIGHT_DIRECTIONAL,
+    LIGHT_CONSTANT,
+    LIGHT_KINDS
+} LightKind;
 
 typedef struct {
     LightKind kind;
-    double emission[3];                           /* area, constant: radiance, W·sr⁻¹·m⁻²; point, spot: intensity,
-                                                     W·sr⁻¹; directional: irradiance on a plane across it, W·m⁻² */
-    int shape;                                    /* area: index into shapes */
-    double position[3];                           /* point, spot */
-    double direction[3];                          /* directional, spot: unit vector along which the light travels */
-    double cutoff_angle, beam_width;              /* spot: radians; full intensity within beam_width, none beyond */
+    double emission[3];              /* area, constant: radiance, W·sr⁻¹·m⁻²; point, spot: intensity,
+                                        W·sr⁻¹; directional: irradiance on a plane across it, W·m⁻² */
+    int shape;                       /* area: index into shapes */
+    double position[3];              /* point, spot */
+    double direction[3];             /* directional, spot: unit vector along which the light travels */
+    double cutoff_angle, beam_width; /* spot: radians; full intensity within beam_width, none beyond */
     int line;
 } Light;
 
 typedef struct {
-    Affine to_world;                              /* camera space to world: looks along +z, +x is to the LEFT, +y up */
-    double tan_half_x, tan_half_y;                /* half extents of the image at distance 1 */
+    Affine to_world;               /* camera space to world: looks along +z, +x is to the LEFT, +y up */
+    double tan_half_x, tan_half_y; /* half extents of the image at distance 1 */
     double near_clip, far_clip;
     int width, height;
 } Sensor;
 
 typedef struct {
     Sensor sensor;
-    int sample_count;                             /* samples per pixel that the file asks for */
-    int max_depth, rr_depth;                      /* as Mitsuba's path: -1 no limit, 1 emission only, 2 direct light */
+    int sample_count;        /* samples per pixel that the file asks for */
+    int max_depth, rr_depth; /* as Mitsuba's path: -1 no limit, 1 emission only, 2 direct light */
     bool hide_emitters;
     Material *materials;
     int material_count;
@@ -65,11 +74,14 @@ typedef struct {
     int shape_count;
     Light *lights;
     int light_count;
-    uint64_t hash;                                /* FNV-1a of the file's bytes and the sorted -D parameters */
+    uint64_t hash; /* FNV-1a of the file's bytes and the sorted -D parameters */
 } Description;
 
 /* One -Dname=value of the command line. */
-typedef struct { const char *name, *value; bool used; } Parameter;
+typedef struct {
+    const char *name, *value;
+    bool used;
+} Parameter;
 
 /* Reads FILE or ends the program with one line "FILE:LINE: …" on standard error and exit status 2. */
 Description *description_read(const char *file, Parameter *parameters, int parameter_count);

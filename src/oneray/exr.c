@@ -29,12 +29,14 @@ static void write_header(exr_context_t context, const Picture *picture, const ch
 {
     int part, channels = picture->standard_error ? CHANNELS : 3;
     check(exr_add_part(context, "", EXR_STORAGE_SCANLINE, &part), file);
-    /* Uncompressed: OpenEXRCore 3.1 stores a block that zip cannot make smaller, as noise often is, in a form that does
-       not read back. */
-    check(exr_initialize_required_attr_simple(context, part, picture->width, picture->height, EXR_COMPRESSION_NONE),
+    /* Uncompressed: OpenEXRCore 3.1 stores a block that zip cannot make smaller, as noise often is, in a form
+       that does not read back. */
+    check(exr_initialize_required_attr_simple(
+              context, part, picture->width, picture->height, EXR_COMPRESSION_NONE),
         file);
     for (int i = 0; i < channels; i++)
-        check(exr_add_channel(context, part, channel_names[i], EXR_PIXEL_FLOAT, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1),
+        check(exr_add_channel(
+                  context, part, channel_names[i], EXR_PIXEL_FLOAT, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1),
             file);
     int samples = picture->samples_per_pixel > INT_MAX ? INT_MAX : (int)picture->samples_per_pixel;
     check(exr_attr_set_int(context, part, "samplesPerPixel", samples), file);
@@ -72,7 +74,8 @@ static void write_rows(exr_context_t context, const Picture *picture, const char
         exr_chunk_info_t chunk;
         check(exr_write_scanline_chunk_info(context, 0, y, &chunk), file);
         check(y ? exr_encoding_update(context, 0, &chunk, &encoder)
-                : exr_encoding_initialize(context, 0, &chunk, &encoder), file);
+                : exr_encoding_initialize(context, 0, &chunk, &encoder),
+            file);
         aim(&encoder, picture, y);
         if (y == 0)
             check(exr_encoding_choose_default_routines(context, 0, &encoder), file);

@@ -1,4 +1,5 @@
-/* The picture as an OpenEXR file: float32 channels R G B (mean) and stderr.R/G/B (standard error of the mean). */
+/* The picture as an OpenEXR file: float32 channels R G B (mean) and stderr.R/G/B (standard error of the
+   mean). */
 #ifndef ONERAY_EXR_H
 #define ONERAY_EXR_H
 
@@ -6,11 +7,11 @@
 
 typedef struct {
     int width, height;
-    const float *mean;                  /* [pixel][3], rows from the top */
-    const float *standard_error;        /* the same, or NULL: leaves the channels out */
+    const float *mean;           /* [pixel][3], rows from the top */
+    const float *standard_error; /* the same, or NULL: leaves the channels out */
     uint64_t samples_per_pixel;
-    double render_seconds;              /* negative: not known, left out */
-    const char *identity;               /* scene, technique, precision and seed in a line */
+    double render_seconds; /* negative: not known, left out */
+    const char *identity;  /* scene, technique, precision and seed in a line */
     const char *kernel;
 } Picture;
 

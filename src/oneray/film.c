@@ -27,19 +27,21 @@ int film_block_level(uint64_t first, uint64_t count)
     return level;
 }
 
-/* to = a + b, where both hold n samples: the sums add; Σ(x-m)² = Σa + Σb + (Sb - Sa)²/2n. Chan, Golub, LeVeque, Updating
-   Formulae and a Pairwise Algorithm for Computing Sample Variances, 1979. Equal samples leave exactly zero. */
+/* to = a + b, where both hold n samples: the sums add; Σ(x-m)² = Σa + Σb + (Sb - Sa)²/2n. Chan, Golub,
+   LeVeque, Updating Formulae and a Pairwise Algorithm for Computing Sample Variances, 1979. Equal samples
+   leave exactly zero. */
 static inline void join_equal(double to[6], const double a[6], const double b[6], double half_over_n)
 {
     for (int c = 0; c < 3; c++) {
-        double difference = b[c] - a[c], deviation = a[3 + c] + b[3 + c] + difference * difference * half_over_n;
+        double difference = b[c] - a[c],
+               deviation = a[3 + c] + b[3 + c] + difference * difference * half_over_n;
         to[c] = a[c] + b[c];
         to[3 + c] = deviation;
     }
 }
 
-/* A mean and squared deviations of n samples take in a layer's sums of `more` samples. By the mean, not the sum: equal
-   samples leave the mean exactly theirs and the deviations exactly zero, whatever the counts. */
+/* A mean and squared deviations of n samples take in a layer's sums of `more` samples. By the mean, not the
+   sum: equal samples leave the mean exactly theirs and the deviations exactly zero, whatever the counts. */
 static void take_in(double mean[3], double deviation[3], double n, const double layer[6], double more)
 {
     for (int c = 0; c < 3; c++) {
@@ -75,7 +77,8 @@ void film_add(Film *film, Layer layer)
         if (last.level != layer.level || last.index + 1 != layer.index || last.index % 2)
             break;
         for (size_t i = 0; i < pixel_count(film); i++)
-            join_equal(last.pixels + 6 * i, last.pixels + 6 * i, layer.pixels + 6 * i, ldexp(0.5, -layer.level));
+            join_equal(
+                last.pixels + 6 * i, last.pixels + 6 * i, layer.pixels + 6 * i, ldexp(0.5, -layer.level));
         free(layer.pixels);
         layer = (Layer){last.level + 1, last.index / 2, last.pixels};
         film->layer_count--;
@@ -110,7 +113,8 @@ void film_write(const Film *film, const char *file)
     FILE *stream = fopen(temporary, "wb");
     if (!stream)
         output_failed(file);
-    fprintf(stream, "oneray film 1\n%s\n%d %d %d\n", film->identity, film->width, film->height, film->layer_count);
+    fprintf(stream, "oneray film 1\n%s\n%d %d %d\n", film->identity, film->width, film->height,
+        film->layer_count);
     for (int k = 0; k < film->layer_count; k++) {
         fprintf(stream, "%d %llu\n", film->layers[k].level, (unsigned long long)film->layers[k].index);
         fwrite(film->layers[k].pixels, 6 * sizeof(double), pixel_count(film), stream);
@@ -128,7 +132,9 @@ Film film_read(const char *file)
     FILE *stream = fopen(file, "rb");
     if (!stream)
         die("%s: cannot be read", file);
-    if (fscanf(stream, "oneray film 1\n%1023[^\n]\n%d %d %d", film.identity, &film.width, &film.height, &layers) != 4
+    if (fscanf(
+            stream, "oneray film 1\n%1023[^\n]\n%d %d %d", film.identity, &film.width, &film.height, &layers)
+            != 4
         || film.width < 1 || film.height < 1 || layers < 1 || layers > 128 || fgetc(stream) != '\n'
         || (double)film.width * film.height > 1 << 28)
         die("%s: is not a film of this version of oneray (--film makes them)", file);
@@ -157,9 +163,10 @@ void film_collect(Film *film, Film *from, const char *name)
         return;
     }
     if (strcmp(film->identity, from->identity) || film->width != from->width || film->height != from->height)
-        die("%s: is a film of something else (%s, %dx%d) than the first (%s, %dx%d)", name, from->identity, from->width,
-            from->height, film->identity, film->width, film->height);
-    film->layers = reallocate(film->layers, (size_t)(film->layer_count + from->layer_count), sizeof *film->layers);
+        die("%s: is a film of something else (%s, %dx%d) than the first (%s, %dx%d)", name, from->identity,
+            from->width, from->height, film->identity, film->width, film->height);
+    film->layers =
+        reallocate(film->layers, (size_t)(film->layer_count + from->layer_count), sizeof *film->layers);
     memcpy(film->layers + film->layer_count, from->layers, (size_t)from->layer_count * sizeof *film->layers);
     film->layer_count += from->layer_count;
     free(from->layers);
@@ -181,7 +188,8 @@ void film_close(Film *film)
         uint64_t first = layer_first(film->layers[k]), end = film_first(&sorted) + film_samples(&sorted);
         if (k && first != end)
             die("merge: samples %llu to %llu are %s", (unsigned long long)(first < end ? first : end),
-                (unsigned long long)(first < end ? end : first) - 1, first < end ? "in two films" : "in no film");
+                (unsigned long long)(first < end ? end : first) - 1,
+                first < end ? "in two films" : "in no film");
         film_add(&sorted, film->layers[k]);
     }
     free(film->layers);

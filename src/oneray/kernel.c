@@ -8,14 +8,14 @@
 #error "KERNEL: the name of the table that this compilation defines"
 #endif
 
-/* The samples of a job, in order, W at a time: their camera rays are made together, then given out lane by lane as paths
-   end. */
+/* The samples of a job, in order, W at a time: their camera rays are made together, then given out lane by
+   lane as paths end. */
 typedef struct {
     Start start;
-    int used;                           /* of start's lanes */
-    size_t next, count;                 /* the sample that its lane 0 is, of how many */
-    uint64_t pixel, x, y, sample;       /* the next one to be made */
-    size_t item[LANES];                 /* what each lane of the path works on */
+    int used;                     /* of start's lanes */
+    size_t next, count;           /* the sample that its lane 0 is, of how many */
+    uint64_t pixel, x, y, sample; /* the next one to be made */
+    size_t item[LANES];           /* what each lane of the path works on */
 } Queue;
 
 INLINE void make_starts(Queue *queue, const Scene *scene, const Job *job)
@@ -112,20 +112,21 @@ INLINE void render_instance(const Scene *scene, const Job *job, Counters *counte
     }
 }
 
-/* The instances: for each a set of features, the first that serves a scene is taken. What is not in the set folds away. */
+/* The instances: for each a set of features, the first that serves a scene is taken. What is not in the set
+   folds away. */
 #define INDOOR (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT)
 #ifdef ONLY_GENERIC
 #define INSTANCES(X)
 #else
-#define INSTANCES(X) \
-    X(indoor, INDOOR | USE_NEE | USE_MIS | USE_COSINE | USE_ROULETTE) \
+#define INSTANCES(X)                                                                                         \
+    X(indoor, INDOOR | USE_NEE | USE_MIS | USE_COSINE | USE_ROULETTE)                                        \
     X(indoor_direct, INDOOR | USE_NEE | USE_MIS | USE_COSINE)
 #endif
 
-#define X(name, set) \
-    static void render_##name(const Scene *scene, const Job *job, Counters *counters) \
-    { \
-        render_instance(scene, job, counters, set); \
+#define X(name, set)                                                                                         \
+    static void render_##name(const Scene *scene, const Job *job, Counters *counters)                        \
+    {                                                                                                        \
+        render_instance(scene, job, counters, set);                                                          \
     }
 INSTANCES(X)
 #undef X
@@ -144,7 +145,7 @@ typedef struct {
 static Instance instance_for(Features wanted)
 {
 #define X(name, set) {#name, set, render_##name},
-    const Instance instances[] = {INSTANCES(X) {"generic", 0, render_generic}};
+    const Instance instances[] = {INSTANCES(X){"generic", 0, render_generic}};
 #undef X
     size_t last = sizeof instances / sizeof *instances - 1;
     for (size_t i = 0; i < last; i++)

@@ -7,8 +7,8 @@
 
 #include <stddef.h>
 
-/* A run of samples: pixels first_pixel … in reading order, for each the samples first_sample …, and where they go:
-   radiance[(pixel * sample_count + sample) * 3 + channel]. */
+/* A run of samples: pixels first_pixel … in reading order, for each the samples first_sample …, and where
+   they go: radiance[(pixel * sample_count + sample) * 3 + channel]. */
 typedef struct {
     uint64_t seed, first_sample, first_pixel;
     size_t sample_count, pixel_count;
@@ -17,7 +17,7 @@ typedef struct {
 
 typedef struct {
     uint64_t rays, shadow_rays;
-    int64_t endless;                    /* a pixel whose path did not end within PATH_LIMIT vertices, or -1 */
+    int64_t endless; /* a pixel whose path did not end within PATH_LIMIT vertices, or -1 */
 } Counters;
 
 typedef struct {
@@ -25,12 +25,13 @@ typedef struct {
     int lanes;
     void *(*prepare)(const Description *description, const Technique *technique);
     Features (*features)(const void *scene);
-    const char *(*instance)(const void *scene);                 /* the name of the instance that will run */
+    const char *(*instance)(const void *scene); /* the name of the instance that will run */
     void (*render)(const void *scene, const Job *job, Counters *counters, int generic);
     void (*release)(void *scene);
 } Kernel;
 
-/* The widest kernel of this precision that the processor runs, or the one with this many lanes; NULL: there is none. */
+/* The widest kernel of this precision that the processor runs, or the one with this many lanes; NULL: there
+   is none. */
 const Kernel *kernel_find(const char *precision, int lanes);
 /* All that were built, whether or not they run here; NULL at the end. */
 const Kernel *kernel_built(int i);

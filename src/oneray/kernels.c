@@ -5,14 +5,17 @@
 
 #if defined(__x86_64__)
 #define HAS_WIDE __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") \
-    && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd")
-#define HAS_MIDDLE __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")
+    && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl") \
+    && __builtin_cpu_supports("avx512cd")
+#define HAS_MIDDLE \
+    __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")
 #else
 #define HAS_WIDE 0
 #define HAS_MIDDLE 0
 #endif
 
-/* Row: precision, lanes, processor level that it was compiled for (0 any, 1 AVX2, 2 AVX-512). From the Makefile. */
+/* Row: precision, lanes, processor level that it was compiled for (0 any, 1 AVX2, 2 AVX-512). From the
+   Makefile. */
 #define X(precision, lanes, level) extern const Kernel kernel_##precision##_##lanes;
 KERNELS(X)
 #undef X

@@ -1,9 +1,10 @@
-/* Lanes: W numbers side by side. Everything that runs per path is written once over Real, reads like the scalar formula
-   and follows W paths at once. LANES (W) and SINGLE come from the compiler's command line, one compilation for each.
+/* Lanes: W numbers side by side. Everything that runs per path is written once over Real, reads like the
+   scalar formula and follows W paths at once. LANES (W) and SINGLE come from the compiler's command line, one
+   compilation for each.
 
-   With W = 1 a Real is a plain number and any C99 compiler will do; else it is the vector type that gcc and clang share.
-   Every operation here is exact or correctly rounded, or a fixed sequence of such, and contraction is off: a lane's bits
-   depend neither on W nor on the compiler nor on the processor. */
+   With W = 1 a Real is a plain number and any C99 compiler will do; else it is the vector type that gcc and
+   clang share. Every operation here is exact or correctly rounded, or a fixed sequence of such, and
+   contraction is off: a lane's bits depend neither on W nor on the compiler nor on the processor. */
 #ifndef ONERAY_LANE_H
 #define ONERAY_LANE_H
 
@@ -18,8 +19,8 @@
 #if LANES > 1 && defined(__SSE2__)
 #include <immintrin.h>
 #endif
-#if LANES == 1 && defined(__clang__)
-#pragma clang diagnostic ignored "-Wbitwise-instead-of-logical" /* & of two masks is meant, also of one lane each */
+#if LANES == 1 && defined(__clang__)    /* & of two masks is meant, also of one lane each */
+#pragma clang diagnostic ignored "-Wbitwise-instead-of-logical"
 #endif
 
 #ifdef SINGLE
@@ -58,7 +59,8 @@ typedef Int Index __attribute__((vector_size(VECTOR_BYTES)));
 typedef Word Bits __attribute__((vector_size(VECTOR_BYTES)));
 #endif
 
-/* What a comparison gives: all ones where true, zero elsewhere (for W = 1 one or zero, as C has it). Combine with & and |. */
+/* What a comparison gives: all ones where true, zero elsewhere (for W = 1 one or zero, as C has it). Combine
+   with & and |. */
 typedef Index Mask;
 
 /* The bits of a Real, and back. */
@@ -196,8 +198,8 @@ INLINE Index gather_index(const Int *table, Index i)
 #endif
 }
 
-/* The integer part of a, 0 <= a < 2^22 (single) or 2^51 (double): adding 1.5·2^23 or 1.5·2^52 leaves the nearest
-   integer in the low bits of the fraction. */
+/* The integer part of a, 0 <= a < 2^22 (single) or 2^51 (double): adding 1.5·2^23 or 1.5·2^52 leaves the
+   nearest integer in the low bits of the fraction. */
 INLINE Index real_floor(Real a)
 {
 #ifdef SINGLE
@@ -213,8 +215,8 @@ INLINE Index real_floor(Real a)
 #define REAL_PI real(3.14159265358979323846)
 #define REAL_INV_PI real(0.318309886183790671538)
 
-/* sine and cosine of 2π u, 0 <= u < 1. The angle is folded to an eighth of a turn either side of the nearest quarter;
-   there the Taylor series reach 1e-17 (double: x^15, x^16) or 1e-8 (single: x^7, x^8). */
+/* sine and cosine of 2π u, 0 <= u < 1. The angle is folded to an eighth of a turn either side of the nearest
+   quarter; there the Taylor series reach 1e-17 (double: x^15, x^16) or 1e-8 (single: x^7, x^8). */
 INLINE void sincos_turn(Real u, Real *sine, Real *cosine)
 {
     Real quarters = real(4) * u;
@@ -243,8 +245,8 @@ INLINE void sincos_turn(Real u, Real *sine, Real *cosine)
     *cosine = select(upper, -cosine_of, cosine_of);
 }
 
-/* The angle of (x, y) in [0, π], for y >= 0, not both 0. Halving the angle twice, tan(a/2) = t/(1+√(1+t²)), brings it
-   below π/16, where the series of the arctangent reaches 1e-17 at t^21. */
+/* The angle of (x, y) in [0, π], for y >= 0, not both 0. Halving the angle twice, tan(a/2) = t/(1+√(1+t²)),
+   brings it below π/16, where the series of the arctangent reaches 1e-17 at t^21. */
 INLINE Real angle_of(Real y, Real x)
 {
     Mask steep = y > real_abs(x);

@@ -19,7 +19,9 @@ static const char *const feature_words[] = {
 #undef X
 };
 
-typedef struct { double load, build, render, write; } Seconds;
+typedef struct {
+    double load, build, render, write;
+} Seconds;
 
 /* A text as a JSON string. */
 static void json_text(FILE *stream, const char *text)
@@ -63,8 +65,8 @@ static void print_stats(FILE *stream, const Options *options, const Film *film, 
     fprintf(stream, "  \"technique\": \"%s\",\n  \"width\": %d,\n  \"height\": %d,\n", technique, film->width,
         film->height);
     uint64_t spp = film_samples(film), paths = spp * (uint64_t)film->width * (uint64_t)film->height;
-    fprintf(stream, "  \"spp\": %" PRIu64 ",\n  \"seed\": %" PRIu64 ",\n  \"paths\": %" PRIu64 ",\n", spp, options->seed,
-        paths);
+    fprintf(stream, "  \"spp\": %" PRIu64 ",\n  \"seed\": %" PRIu64 ",\n  \"paths\": %" PRIu64 ",\n", spp,
+        options->seed, paths);
     fprintf(stream, "  \"rays\": %" PRIu64 ",\n  \"shadow_rays\": %" PRIu64 ",\n", counters->rays,
         counters->shadow_rays);
     fprintf(stream, "  \"seconds\": {\"load\": %.6f, \"build\": %.6f, \"render\": %.6f, \"write\": %.6f},\n",
@@ -98,8 +100,8 @@ static void write_picture(const Film *film, double render_seconds, const char *k
     size_t numbers = 3 * (size_t)film->width * (size_t)film->height;
     float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
     int known = film_estimate(film, mean, error);
-    Picture picture = {film->width, film->height, mean, known ? error : NULL, film_samples(film), render_seconds,
-        film->identity, kernel};
+    Picture picture = {film->width, film->height, mean, known ? error : NULL, film_samples(film),
+        render_seconds, film->identity, kernel};
     exr_write_picture(&picture, file);
     free(mean);
     free(error);
@@ -141,15 +143,16 @@ static void identify(Film *film, const Options *options, const Description *scen
 {
     char technique[512];
     options_technique(&options->technique, technique, sizeof technique);
-    snprintf(film->identity, sizeof film->identity, "scene %016" PRIx64 " %s --precision %s --seed %" PRIu64, scene->hash,
-        technique, options->precision, options->seed);
+    snprintf(film->identity, sizeof film->identity, "scene %016" PRIx64 " %s --precision %s --seed %" PRIu64,
+        scene->hash, technique, options->precision, options->seed);
 }
 
 static int render_scene(const Options *options)
 {
     Seconds seconds = {0};
     double start = seconds_now();
-    Description *scene = description_read(options->scene, (Parameter *)options->parameters, options->parameter_count);
+    Description *scene =
+        description_read(options->scene, (Parameter *)options->parameters, options->parameter_count);
     options_check(options, scene);
     const char *const outputs[] = {options->output, options->film,
         options->stats && strcmp(options->stats, "-") ? options->stats : NULL};
@@ -172,7 +175,8 @@ static int render_scene(const Options *options)
 
     start = seconds_now();
     if (options->output)
-        write_picture(&film, seconds.render, options->generic ? "generic" : kernel->instance(prepared), options->output);
+        write_picture(&film, seconds.render, options->generic ? "generic" : kernel->instance(prepared),
+            options->output);
     if (options->film)
         film_write(&film, options->film);
     seconds.write = seconds_now() - start;

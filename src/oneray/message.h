@@ -12,11 +12,13 @@
 
 #include <stddef.h>
 
-NORETURN void die(const char *format, ...) PRINTF_LIKE(1, 2);                           /* "oneray: …" */
-NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);  /* "FILE:LINE: …" */
-void warn(const char *format, ...) PRINTF_LIKE(1, 2);                                   /* "oneray: warning: …" */
+/* Say "oneray: …", "FILE:LINE: …" and "oneray: warning: …". */
+NORETURN void die(const char *format, ...) PRINTF_LIKE(1, 2);
+NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);
+void warn(const char *format, ...) PRINTF_LIKE(1, 2);
 
-/* A file that is being written under a temporary name: removed by die(), and by a signal. NULL when there is none. */
+/* A file that is being written under a temporary name: removed by die(), and by a signal. NULL when there is
+   none. */
 void unfinished_file(const char *temporary_name);
 
 /* malloc and realloc that never return NULL: out of memory is an error like any other. */

@@ -11,30 +11,41 @@
 #include <string.h>
 
 /* An option that chooses one of several techniques: the first column of values is also the enum's order. */
-typedef struct { const char *name, *help; } Value;
-typedef struct { const char *name, *help; int given; Value values[4]; } Choice;
+typedef struct {
+    const char *name, *help;
+} Value;
+typedef struct {
+    const char *name, *help;
+    int given;
+    Value values[4];
+} Choice;
 
-enum { CHOICE_ESTIMATOR, CHOICE_HEMISPHERE, CHOICE_LIGHT, CHOICE_POINTS, CHOICE_MIS, CHOICE_ROULETTE, CHOICES };
+enum {
+    CHOICE_ESTIMATOR,
+    CHOICE_HEMISPHERE,
+    CHOICE_LIGHT,
+    CHOICE_POINTS,
+    CHOICE_MIS,
+    CHOICE_ROULETTE,
+    CHOICES
+};
 
 static const Choice choices[CHOICES] = {
-    {"--estimator", "how light is found", ESTIMATOR_MIS, {
-        {"walk", "L7 the random walk alone: light counts where a random ray hits it"},
-        {"nee", "L10 next event estimation: a ray to a light at every vertex (L1 to L3, L11, L12)"},
-        {"mis", "L13 both, weighed by multiple importance sampling"}}},
-    {"--hemisphere", "one ray over the hemisphere", HEMISPHERE_COSINE, {
-        {"uniform", "L8 uniform, scaled by 2 pi"},
-        {"cosine", "L9 in proportion to the cosine"}}},
-    {"--light-choice", "one of N lights, divided by its probability (L4)", LIGHT_CHOICE_POWER, {
-        {"uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion"},
-        {"power", "L4 in proportion to the flux"}}},
-    {"--light-points", "where on the light", 0, {
-        {"area", "L2, L3 uniform on its area"}}},
-    {"--mis", "weights of --estimator mis", MIS_POWER, {
-        {"balance", "L13 balance heuristic"},
-        {"power", "L13 power heuristic, exponent 2"}}},
-    {"--roulette", "how a path ends", ROULETTE_SURVIVAL, {
-        {"none", "L19 at max_depth only"},
-        {"survival", "L14 from rr_depth on it survives with min(1, throughput)"}}},
+    {"--estimator", "how light is found", ESTIMATOR_MIS,
+        {{"walk", "L7 the random walk alone: light counts where a random ray hits it"},
+            {"nee", "L10 next event estimation: a ray to a light at every vertex (L1 to L3, L11, L12)"},
+            {"mis", "L13 both, weighed by multiple importance sampling"}}},
+    {"--hemisphere", "one ray over the hemisphere", HEMISPHERE_COSINE,
+        {{"uniform", "L8 uniform, scaled by 2 pi"}, {"cosine", "L9 in proportion to the cosine"}}},
+    {"--light-choice", "one of N lights, divided by its probability (L4)", LIGHT_CHOICE_POWER,
+        {{"uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion"},
+            {"power", "L4 in proportion to the flux"}}},
+    {"--light-points", "where on the light", 0, {{"area", "L2, L3 uniform on its area"}}},
+    {"--mis", "weights of --estimator mis", MIS_POWER,
+        {{"balance", "L13 balance heuristic"}, {"power", "L13 power heuristic, exponent 2"}}},
+    {"--roulette", "how a path ends", ROULETTE_SURVIVAL,
+        {{"none", "L19 at max_depth only"},
+            {"survival", "L14 from rr_depth on it survives with min(1, throughput)"}}},
 };
 
 static const char usage[] =
@@ -202,8 +213,8 @@ static void check_given(Options *o, const int given[CHOICES])
     if (!o->film && !o->output && !o->stats)
         die("nothing to do: give -o OUT.exr (or --stats - for the figures alone)");
     if (!kernel_find(o->precision, o->lanes))
-        die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)", o->lanes,
-            o->precision);
+        die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)",
+            o->lanes, o->precision);
 }
 
 static void flag(Options *options, const char *word)
@@ -280,22 +291,26 @@ void options_check(const Options *options, const Description *scene)
     static const char *const kinds[LIGHT_KINDS] = {"area", "point", "spot", "directional", "constant"};
     for (int i = 0; i < scene->light_count; i++) {
         const Light *light = &scene->lights[i];
-        if (options->technique.estimator == ESTIMATOR_WALK && light->kind != LIGHT_AREA && light->kind != LIGHT_CONSTANT)
-            die_at(options->scene, light->line, "--estimator walk: no random ray hits a %s light, its light would be "
-                "missing; use nee or mis", kinds[light->kind]);
+        if (options->technique.estimator == ESTIMATOR_WALK && light->kind != LIGHT_AREA
+            && light->kind != LIGHT_CONSTANT)
+            die_at(options->scene, light->line,
+                "--estimator walk: no random ray hits a %s light, its light would be "
+                "missing; use nee or mis",
+                kinds[light->kind]);
     }
     if (scene->max_depth < 0 && options->technique.roulette == ROULETTE_NONE)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;
     if (endless && !options->quiet)
-        warn("%s:%d: this material absorbs nothing and max_depth is -1: a path that cannot leave will be an error",
+        warn("%s:%d: this material absorbs nothing and max_depth is -1: a path that cannot leave will be an "
+             "error",
             options->scene, endless->line);
 }
 
 void options_technique(const Technique *t, char *text, int size)
 {
-    const int value[CHOICES] = {(int)t->estimator, (int)t->hemisphere, (int)t->light_choice, 0, (int)t->mis,
-        (int)t->roulette};
+    const int value[CHOICES] = {
+        (int)t->estimator, (int)t->hemisphere, (int)t->light_choice, 0, (int)t->mis, (int)t->roulette};
     for (int i = 0, used = 0; i < CHOICES; i++) {
         if ((i == CHOICE_MIS && t->estimator != ESTIMATOR_MIS)
             || (t->estimator == ESTIMATOR_WALK && (i == CHOICE_LIGHT || i == CHOICE_POINTS)))

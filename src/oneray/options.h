@@ -11,25 +11,27 @@
 enum { MAX_PARAMETERS = 64 };
 
 typedef struct {
-    const char *scene, *output, *film, *stats;      /* NULL: not given; stats "-" is standard output */
+    const char *scene, *output, *film, *stats; /* NULL: not given; stats "-" is standard output */
     Parameter parameters[MAX_PARAMETERS];
     int parameter_count;
-    uint64_t spp;                                   /* 0: the scene's sample_count */
-    double seconds;                                 /* 0: no limit */
-    uint64_t seed, first_sample, sample_count;      /* sample_count 0: not a part */
+    uint64_t spp;                              /* 0: the scene's sample_count */
+    double seconds;                            /* 0: no limit */
+    uint64_t seed, first_sample, sample_count; /* sample_count 0: not a part */
     Technique technique;
     const char *precision;
-    int lanes;                                      /* 0: the widest */
+    int lanes; /* 0: the widest */
     bool generic, quiet;
 } Options;
 
-/* Reads the command line; --help and --version print and end the program, errors end it with exit status 2. */
+/* Reads the command line; --help and --version print and end the program, errors end it with exit
+   status 2. */
 Options options_read(int count, char **words);
 
 /* Ends the program if the scene does not go with the options: says why. */
 void options_check(const Options *options, const Description *scene);
 
-/* The technique in words of the command line, "--estimator mis --hemisphere cosine …", at most size characters. */
+/* The technique in words of the command line, "--estimator mis --hemisphere cosine …", at most size
+   characters. */
 void options_technique(const Technique *technique, char *text, int size);
 
 #endif

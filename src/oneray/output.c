@@ -28,7 +28,8 @@ void output_check(const char *file)
     struct stat status;
     char temporary[OUTPUT_NAME];
     if (stat(file, &status) == 0 && !S_ISREG(status.st_mode))
-        die("%s: cannot be written: it is %s, not a file", file, S_ISDIR(status.st_mode) ? "a folder" : "a device");
+        die("%s: cannot be written: it is %s, not a file", file,
+            S_ISDIR(status.st_mode) ? "a folder" : "a device");
     output_name(file, temporary);
     int descriptor = open(temporary, O_WRONLY | O_CREAT | O_EXCL, 0666);
     if (descriptor < 0)

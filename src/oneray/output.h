@@ -1,4 +1,5 @@
-/* Output files appear whole or not at all: written under a temporary name in the same folder, then renamed. */
+/* Output files appear whole or not at all: written under a temporary name in the same folder, then
+   renamed. */
 #ifndef ONERAY_OUTPUT_H
 #define ONERAY_OUTPUT_H
 
@@ -9,7 +10,8 @@ void output_check(const char *file);
 
 /* The temporary name for `file`, noted so that an error or a signal removes it. */
 void output_name(const char *file, char temporary[OUTPUT_NAME]);
-void output_done(const char *file, const char *temporary);          /* syncs it and gives it its name */
-void output_failed(const char *file) __attribute__((noreturn));     /* "FILE: cannot be written: reason" from errno */
+void output_done(const char *file, const char *temporary); /* syncs it and gives it its name */
+void output_failed(const char *file)
+    __attribute__((noreturn)); /* "FILE: cannot be written: reason" from errno */
 
 #endif

@@ -1,4 +1,5 @@
-/* The random walk and what the lecture adds to it, one path a lane. path_step follows every lane by one ray. */
+/* The random walk and what the lecture adds to it, one path a lane. path_step takes every lane
+   along by one ray. */
 #ifndef ONERAY_PATH_H
 #define ONERAY_PATH_H
 
@@ -6,18 +7,21 @@
 
 typedef struct {
     Ray ray;
-    Vec throughput;                     /* product of f_r cosθ / pdf along the path */
-    Vec radiance;                       /* L, W·sr⁻¹·m⁻²: what the path has gathered */
-    Real pdf_w;                         /* of the ray's direction, where it was not a specular vertex that sent it */
-    Mask specular;                      /* the ray left the eye or a mirror */
+    Vec throughput; /* product of f_r cosθ / pdf along the path */
+    Vec radiance;   /* L, W·sr⁻¹·m⁻²: what the path has gathered */
+    Real pdf_w;     /* of the ray's direction, where it was not a specular vertex that sent it */
+    Mask specular;  /* the ray left the eye or a mirror */
     Mask alive;
-    Index depth;                        /* vertices before the one that the ray goes to */
+    Index depth; /* vertices before the one that the ray goes to */
     Rng rng;
-    Index rays, shadow_rays;            /* how many, by lane, counted downwards where a mask is -1 */
+    Index rays, shadow_rays; /* how many, by lane, counted downwards where a mask is -1 */
 } Path;
 
 /* A sample on its way to a path: its random numbers and its camera ray. */
-typedef struct { Rng rng; Ray ray; } Start;
+typedef struct {
+    Rng rng;
+    Ray ray;
+} Start;
 
 INLINE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y)
 {
@@ -25,7 +29,8 @@ INLINE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_
     start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1]);
 }
 
-/* L12 The eye is a specular vertex: it sends no ray to the lights, so its ray must return the light that it meets. */
+/* L12 The eye is a specular vertex: it sends no ray to the lights, so its ray must return the light that it
+   meets. */
 INLINE void path_start(Path *path, Mask fresh)
 {
     path->throughput = vec_select(fresh, vec_all(real(1)), path->throughput);
@@ -35,9 +40,10 @@ INLINE void path_start(Path *path, Mask fresh)
     path->depth = index_select(fresh, index_of(0), path->depth);
 }
 
-/* How much of the light that the ray has hit counts. L7 walk: all of it. L10 next event estimation has sampled it already
-   at the last vertex: nothing, so that direct and indirect light do not overlap. L11, L12 after a specular vertex, which could
-   not sample it: all of it. L13 MIS: its share of the two ways to get here. */
+/* How much of the light that the ray has hit counts. L7 walk: all of it. L10 next event estimation has
+   sampled it already at the last vertex: nothing, so that direct and indirect light do not overlap. L11, L12
+   after a specular vertex, which could not sample it: all of it. L13 MIS: its share of the two ways to get
+   here. */
 INLINE Real weight_of_hit(const Path *path, Real inverse_pdf_w, Features f)
 {
     if (!(f & USE_NEE))
@@ -53,7 +59,7 @@ INLINE Vec light_met(const Path *path, const Scene *scene, Hit hit, const Surfac
     Vec light = vec_all(real(0));
     Mask missed = hit.slot < 0;
     if (f & HAS_AREA) {
-        Vec emission = vec_gather((const Num (*)[3])scene->lights.slot_emission, s->slot);
+        Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s->slot);
         Real choice = f & USE_MIS ? gather(scene->lights.slot_area_choice, s->slot) : real(0);
         Real weight = weight_of_hit(path, inverse_pdf_w_area(choice, hit.t * hit.t, s->cos_o), f);
         light = vec_only(front, vec_scale(emission, weight));
@@ -67,8 +73,8 @@ INLINE Vec light_met(const Path *path, const Scene *scene, Hit hit, const Surfac
     return light;
 }
 
-/* L10 Next event estimation: one ray to one light, L_o ≈ (1/p_i) f_r L V A cosθi cosθo / d². L13: weighed where the
-   random walk could have hit that light as well. */
+/* L10 Next event estimation: one ray to one light, L_o ≈ (1/p_i) f_r L V A cosθi cosθo / d². L13: weighed
+   where the random walk could have hit that light as well. */
 INLINE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, Features f)
 {
     Uniforms random = rng_block(&path->rng, path->depth, DIMENSION_LIGHT);
@@ -116,21 +122,23 @@ INLINE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
         survive(path, random.u[2], path->depth >= index_of(scene->rr_depth));
 }
 
-/* hide_emitters: a camera ray goes on through the shapes that shine, as if they were not there: it is still the ray that left
-   the eye, from a point further on. */
+/* hide_emitters: a camera ray goes on through the shapes that shine, as if they were not there: it is still
+   the ray that left the eye, from a point further on. */
 INLINE void see_through(Path *path, Mask through, Ray before, Hit hit, const Surface *s)
 {
     path->ray.o = vec_select(through, s->p, path->ray.o);
     path->ray.d = vec_select(through, before.d, path->ray.d);
     path->ray.tmax = select(through, before.tmax - hit.t, path->ray.tmax);
+    path->ray.from = index_select(through, s->slot, path->ray.from);
     path->throughput = vec_select(through, vec_all(real(1)), path->throughput);
     path->depth = index_select(through, index_of(0), path->depth);
     path->specular |= through;
     path->alive |= through;
 }
 
-/* L7 The random walk, by one vertex: L = what the point emits + what it reflects, and the ray recurses. A ray that leaves
-   the scene returns no energy. L19: max_depth counts as Mitsuba's, 1 is emission only, 2 direct light. */
+/* L7 The random walk, by one vertex: L = what the point emits + what it reflects, and the ray recurses. A ray
+   that leaves the scene returns no energy. L19: max_depth counts as Mitsuba's, 1 is emission only, 2 direct
+   light. */
 INLINE void path_step(Path *path, const Scene *scene, Features f)
 {
     path->rays += path->alive;
@@ -148,9 +156,9 @@ INLINE void path_step(Path *path, const Scene *scene, Features f)
     Mask through = mask_none();
     if (f & HAS_HIDDEN)
         through = path->alive & (hit.slot >= index_of(0)) & (path->depth == index_of(0))
-            & (gather_index(scene->lights.slot_shines, surface.slot) != index_of(0));
+                  & (gather_index(scene->lights.slot_shines, surface.slot) != index_of(0));
     path->alive = and_not(path->alive, through) & (hit.slot >= index_of(0))
-        & (path->depth + 1 < index_of(scene->max_depth)) & (vec_max(surface.albedo) > real(0));
+                  & (path->depth + 1 < index_of(scene->max_depth)) & (vec_max(surface.albedo) > real(0));
     if (any(path->alive)) {
         if (f & USE_NEE)
             next_event(path, scene, &surface, and_not(path->alive, surface.specular), f);

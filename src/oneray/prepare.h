@@ -27,7 +27,8 @@ static void cross(const double a[3], const double b[3], double out[3])
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double length(const double a[3]) { return sqrt(dot(a, a)); }
 
-/* The rows that take the world to the unit shape: with columns a, b, c of the matrix, row 0 is b×c / (a·b×c). */
+/* The rows that take the world to the unit shape: with columns a, b, c of the matrix, row 0 is b×c /
+   (a·b×c). */
 static Local local_of(const Affine *to_world)
 {
     Local local;
@@ -48,8 +49,8 @@ static Local local_of(const Affine *to_world)
     return local;
 }
 
-/* The plane of the unit shape's side where local coordinate `axis` is `at` (0 for a flat shape): outward unit normal,
-   turned over by flip_normals, and n·p. */
+/* The plane of the unit shape's side where local coordinate `axis` is `at` (0 for a flat shape): outward unit
+   normal, turned over by flip_normals, and n·p. */
 static void plane_of(const Shape *shape, int axis, double at, double normal[3], double *offset)
 {
     double a[3], b[3], c[3], p[3];
@@ -58,7 +59,8 @@ static void plane_of(const Shape *shape, int axis, double at, double normal[3], 
     column(&shape->to_world, axis, c);
     column(&shape->to_world, 3, p);
     cross(a, b, normal);
-    double sign = (at < 0 ? -1 : 1) * (dot(normal, c) < 0 ? -1 : 1) * (shape->flip_normals ? -1 : 1) / length(normal);
+    double sign =
+        (at < 0 ? -1 : 1) * (dot(normal, c) < 0 ? -1 : 1) * (shape->flip_normals ? -1 : 1) / length(normal);
     for (int i = 0; i < 3; i++) {
         normal[i] *= sign;
         p[i] += at * c[i];
@@ -71,7 +73,7 @@ static int aligned_axis(const Shape *shape)
 {
     for (int axis = 0; axis < 3 && shape->kind == SHAPE_RECTANGLE; axis++) {
         int u = (axis + 1) % 3, v = (axis + 2) % 3;
-        const double (*m)[4] = shape->to_world.m;
+        const double(*m)[4] = shape->to_world.m;
         int straight = m[u][1] == 0 && m[v][0] == 0, turned = m[u][0] == 0 && m[v][1] == 0;
         if (m[axis][0] == 0 && m[axis][1] == 0 && (straight || turned))
             return axis;
@@ -82,7 +84,7 @@ static int aligned_axis(const Shape *shape)
 static Aligned aligned_of(const Shape *shape, int axis)
 {
     int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const double (*m)[4] = shape->to_world.m;
+    const double(*m)[4] = shape->to_world.m;
     return (Aligned){(Num)m[axis][3], (Num)m[u][3], (Num)m[v][3], (Num)(fabs(m[u][0]) + fabs(m[u][1])),
         (Num)(fabs(m[v][0]) + fabs(m[v][1]))};
 }
@@ -118,7 +120,8 @@ static void count_shapes(Shapes *s, const Description *d, int counts[SHAPE_KINDS
     s->slot_count = s->sphere_slot + counts[SHAPE_SPHERE];
 }
 
-/* Puts the shape into its table; returns its first slot. filled[axis] counts the aligned rectangles so far. */
+/* Puts the shape into its table; returns its first slot. filled[axis] counts the aligned rectangles so
+   far. */
 static int place_shape(Shapes *s, const Shape *shape, int filled[3])
 {
     int axis = aligned_axis(shape), slot;
@@ -234,7 +237,8 @@ static double side_area(const Shape *shape, int k)
     }
 }
 
-/* Flux (W), the mean of the channels: what the choice by power goes by. A spot's cone is taken to its middle. */
+/* Flux (W), the mean of the channels: what the choice by power goes by. A spot's cone is taken to its
+   middle. */
 static double power_of(const Description *d, const Light *light, int side)
 {
     double mean = (light->emission[0] + light->emission[1] + light->emission[2]) / 3, r = bounding_radius(d);
@@ -247,12 +251,12 @@ static double power_of(const Description *d, const Light *light, int side)
     }
 }
 
-/* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is light i up to alias_share[i], else
-   alias[i]. Vose, A Linear Algorithm for Generating Random Numbers with a Given Distribution, 1991. */
+/* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is light i up to alias_share[i],
+   else alias[i]. Vose, A Linear Algorithm for Generating Random Numbers with a Given Distribution, 1991. */
 static void prepare_alias(Lights *lights, const double *p)
 {
     int n = lights->count, small = 0, large = n;
-    int *order = allocate((size_t)n, sizeof *order);       /* small columns from the front, large from the back */
+    int *order = allocate((size_t)n, sizeof *order); /* small columns from the front, large from the back */
     double *share = allocate((size_t)n, sizeof *share);
     for (int i = 0; i < n; i++) {
         share[i] = p[i] * n;
@@ -335,8 +339,8 @@ static void allocate_lights(Lights *lights, int slots)
     lights->slot_shines = allocate((size_t)slots, sizeof *lights->slot_shines);
 }
 
-/* L4 The probability p_i of each light: 1/N, or in proportion to its power. Any p_i is valid as long as they sum to 1 and
-   none is 0 whose light is not. */
+/* L4 The probability p_i of each light: 1/N, or in proportion to its power. Any p_i is valid as long as they
+   sum to 1 and none is 0 whose light is not. */
 static void choice_probabilities(const Lights *lights, double *p, LightChoice choice)
 {
     double total = 0;
@@ -346,7 +350,8 @@ static void choice_probabilities(const Lights *lights, double *p, LightChoice ch
         p[i] = choice == LIGHT_CHOICE_UNIFORM || total <= 0 ? 1.0 / lights->count : p[i] / total;
 }
 
-static void prepare_lights(Scene *scene, const Description *d, const Technique *technique, const int *first_slot)
+static void prepare_lights(
+    Scene *scene, const Description *d, const Technique *technique, const int *first_slot)
 {
     Lights *lights = &scene->lights;
     for (int i = 0; i < d->light_count; i++)
@@ -468,9 +473,10 @@ static void release(void *prepared)
     Shapes *s = &scene->shapes;
     Materials *m = &scene->materials;
     Lights *l = &scene->lights;
-    void *const blocks[] = {s->aligned, s->rectangles, s->disks, s->cubes, s->balls, s->anchor, s->offset, m->albedo, m->kind, m->eta,
-        m->k, l->site, l->emission, l->position, l->edge_x, l->edge_y, l->normal, l->radius, l->cutoff, l->beam,
-        l->area_choice, l->slot, l->alias_share, l->alias, l->slot_emission, l->slot_area_choice, l->slot_shines, scene};
+    void *const blocks[] = {s->aligned, s->rectangles, s->disks, s->cubes, s->balls, s->anchor, s->offset,
+        m->albedo, m->kind, m->eta, m->k, l->site, l->emission, l->position, l->edge_x, l->edge_y, l->normal,
+        l->radius, l->cutoff, l->beam, l->area_choice, l->slot, l->alias_share, l->alias, l->slot_emission,
+        l->slot_area_choice, l->slot_shines, scene};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)
         free(blocks[i]);
 }

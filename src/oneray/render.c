@@ -8,7 +8,9 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { JOB_SAMPLES = 8192 };            /* samples handed to a kernel at once: enough that emptying its lanes costs little */
+enum {
+    JOB_SAMPLES = 8192
+}; /* samples handed to a kernel at once: enough that emptying its lanes costs little */
 
 double seconds_now(void)
 {
@@ -18,7 +20,11 @@ double seconds_now(void)
 }
 
 /* A line on a terminal's standard error, none in a pipe. */
-typedef struct { int shown; double started, last; uint64_t pixels; } Progress;
+typedef struct {
+    int shown;
+    double started, last;
+    uint64_t pixels;
+} Progress;
 
 static void progress_show(Progress *progress, double samples, double fraction)
 {
@@ -39,15 +45,17 @@ typedef struct {
     const void *prepared;
     Counters *counters;
     Film *film;
-    uint64_t wanted;                    /* samples per pixel; 0: as many as the time allows */
+    uint64_t wanted; /* samples per pixel; 0: as many as the time allows */
     Progress progress;
 } Render;
 
 static void check_endless(const Render *r)
 {
     if (r->counters->endless >= 0)
-        die("%s: pixel (%lld, %lld): a path did not end within 1000000 vertices: the scene is closed and absorbs "
-            "nothing; give it a max_depth", r->options->scene, (long long)(r->counters->endless % r->film->width),
+        die("%s: pixel (%lld, %lld): a path did not end within 1000000 vertices: the scene is closed and "
+            "absorbs "
+            "nothing; give it a max_depth",
+            r->options->scene, (long long)(r->counters->endless % r->film->width),
             (long long)(r->counters->endless / r->film->width));
 }
 
@@ -66,7 +74,7 @@ static void render_block(Render *r, uint64_t first, int level)
     size_t pixels = (size_t)r->film->width * (size_t)r->film->height;
     Layer layer = {level, first >> level, allocate(pixels, 6 * sizeof(double))};
     double *radiance = allocate((at_once < pixels ? at_once : pixels) * samples, 3 * sizeof(double));
-    double (*nodes)[6] = allocate(samples, sizeof *nodes);
+    double(*nodes)[6] = allocate(samples, sizeof *nodes);
     for (size_t pixel = 0; pixel < pixels; pixel += at_once) {
         size_t count = pixels - pixel < at_once ? pixels - pixel : at_once;
         Job job = {r->options->seed, first, pixel, samples, count, radiance};
@@ -78,10 +86,12 @@ static void render_block(Render *r, uint64_t first, int level)
             if (bad < 0)
                 continue;
             const double *sample = radiance + 3 * (i * samples + (size_t)bad);
-            die("%s: pixel (%zu, %zu), sample %llu, seed %llu: radiance (%g, %g, %g) is no radiance: a bug, please "
-                "report it", r->options->scene, (pixel + i) % (size_t)r->film->width,
-                (pixel + i) / (size_t)r->film->width, (unsigned long long)first + (unsigned long long)bad,
-                (unsigned long long)r->options->seed, sample[0], sample[1], sample[2]);
+            die("%s: pixel (%zu, %zu), sample %llu, seed %llu: radiance (%g, %g, %g) is no radiance: a bug, "
+                "please "
+                "report it",
+                r->options->scene, (pixel + i) % (size_t)r->film->width, (pixel + i) / (size_t)r->film->width,
+                (unsigned long long)first + (unsigned long long)bad, (unsigned long long)r->options->seed,
+                sample[0], sample[1], sample[2]);
         }
         double done = (double)(pixel + count) / (double)pixels;
         progress_show(&r->progress, ((double)film_samples(r->film) + done * (double)samples) * (double)pixels,
@@ -104,13 +114,14 @@ static uint64_t samples_in_time(const Render *r, uint64_t done)
     return more < (double)done ? (uint64_t)more : done;
 }
 
-void render(const Options *options, const Description *scene, const Kernel *kernel, const void *prepared, Film *film,
-    Counters *counters)
+void render(const Options *options, const Description *scene, const Kernel *kernel, const void *prepared,
+    Film *film, Counters *counters)
 {
     Render r = {options, kernel, prepared, counters, film, 0, {0}};
     if (options->seconds <= 0)
-        r.wanted = options->sample_count ? options->sample_count : options->spp ? options->spp
-            : (uint64_t)scene->sample_count;
+        r.wanted = options->sample_count ? options->sample_count
+                   : options->spp        ? options->spp
+                                         : (uint64_t)scene->sample_count;
     r.progress.shown = !options->quiet && isatty(STDERR_FILENO);
     r.progress.started = seconds_now();
     counters->endless = -1;

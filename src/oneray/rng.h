@@ -1,8 +1,9 @@
-/* Random numbers by counting: a number depends on (seed, pixel, sample, dimension) alone, so that any split of the samples
-   over lanes, processes or machines gives the same samples.
+/* Random numbers by counting: a number depends on (seed, pixel, sample, dimension) alone, so that any split
+   of the samples over lanes, processes or machines gives the same samples.
 
-   Philox4x32 with 7 rounds, the fewest that pass BigCrush: Salmon, Moraes, Dror, Shaw, Parallel Random Numbers: As Easy
-   as 1, 2, 3, SC 2011. The counter is (dimension, sample low, pixel, sample high), the key is the seed. */
+   Philox4x32 with 7 rounds, the fewest that pass BigCrush: Salmon, Moraes, Dror, Shaw, Parallel Random
+   Numbers: As Easy as 1, 2, 3, SC 2011. The counter is (dimension, sample low, pixel, sample high), the key
+   is the seed. */
 #ifndef ONERAY_RNG_H
 #define ONERAY_RNG_H
 
@@ -16,7 +17,8 @@ typedef struct {
     uint32_t key[2];
 } Rng;
 
-typedef struct { Real u[4]; } Uniforms;     /* each in (0, 1), on the midpoints of 2^32 (single: 2^23) equal cells */
+/* Each in (0, 1), on the midpoints of 2^32 (single: 2^23) equal cells. */
+typedef struct { Real u[4]; } Uniforms;
 
 #define LOW_32 0xFFFFFFFFu
 

@@ -1,5 +1,5 @@
-/* Sampling routines: each sample_x turns uniform numbers into a point or direction, each pdf_x beside it is its density,
-   per solid angle (pdf_w, sr⁻¹) or per area (pdf_a, m⁻²). */
+/* Sampling routines: each sample_x turns uniform numbers into a point or direction, each pdf_x beside it is
+   its density, per solid angle (pdf_w, sr⁻¹) or per area (pdf_a, m⁻²). */
 #ifndef ONERAY_SAMPLE_H
 #define ONERAY_SAMPLE_H
 
@@ -14,8 +14,8 @@ INLINE Vec sample_hemisphere_uniform(Real u, Real v)
 }
 INLINE Real pdf_w_hemisphere_uniform(void) { return real(0.5) * REAL_INV_PI; }
 
-/* L9 Importance sampling the hemisphere: density in proportion to the cosine, pdf cosθ/π. A uniform point of the disk
-   below, lifted to the sphere (Malley): r² = u, z² = 1 - u. */
+/* L9 Importance sampling the hemisphere: density in proportion to the cosine, pdf cosθ/π. A uniform point of
+   the disk below, lifted to the sphere (Malley): r² = u, z² = 1 - u. */
 INLINE Vec sample_hemisphere_cosine(Real u, Real v)
 {
     Real sine, cosine, r = real_sqrt(u);

@@ -1,10 +1,10 @@
 /* Shapes, and what a ray meets among them. A loop over all primitives, W rays at once.
 
-   No epsilon keeps a ray off the surface that it starts from: the ray knows which primitive that is. A flat one is left
-   out; from a sphere or cube only the far side can be met, and only by a ray that goes inwards.
+   No epsilon keeps a ray off the surface that it starts from: the ray knows which primitive that is. A flat
+   one is left out; from a sphere or cube only the far side can be met, and only by a ray that goes inwards.
 
-   A slot is what a ray can hit: a rectangle (those along the axes first), a disk, one of a cube's six faces, a sphere,
-   numbered in this order. */
+   A slot is what a ray can hit: a rectangle (those along the axes first), a disk, one of a cube's six faces,
+   a sphere, numbered in this order. */
 #ifndef ONERAY_SHAPE_H
 #define ONERAY_SHAPE_H
 
@@ -13,34 +13,41 @@
 #include "vec.h"
 
 /* World to the unit shape: local coordinate i of p is row[i][0..2]·p + row[i][3]. */
-typedef struct { Num row[3][4]; } Local;
+typedef struct {
+    Num row[3][4];
+} Local;
 
 #define HAS_FLAT (HAS_ALIGNED | HAS_RECTANGLE | HAS_DISK)
 
 /* A rectangle whose sides lie along axes u = axis+1 and v = axis+2 (mod 3), in the plane p[axis] = plane. */
-typedef struct { Num plane, center_u, center_v, half_u, half_v; } Aligned;
+typedef struct {
+    Num plane, center_u, center_v, half_u, half_v;
+} Aligned;
 
-typedef struct { Num center[3], radius; } Ball;
+typedef struct {
+    Num center[3], radius;
+} Ball;
 
 typedef struct {
     int rectangle_count, disk_count, cube_count, sphere_count;
-    Aligned *aligned;                   /* by slot: those along x, y, z from aligned_slot[0], [1], [2] */
+    Aligned *aligned; /* by slot: those along x, y, z from aligned_slot[0], [1], [2] */
     Local *rectangles, *disks, *cubes;
     Ball *balls;
-    int aligned_slot[4], disk_slot, cube_slot, sphere_slot, slot_count; /* first slots; rectangles': aligned_slot[3] */
-    Num (*anchor)[3];                   /* by slot: the unit normal n of a flat primitive, the center of a sphere */
-    Num *offset;                        /* by slot: n·p of the flat one's plane; radius, negative if flip_normals */
+    int aligned_slot[4], disk_slot, cube_slot, sphere_slot,
+        slot_count;   /* first slots; rectangles': aligned_slot[3] */
+    Num (*anchor)[3]; /* by slot: the unit normal n of a flat primitive, the center of a sphere */
+    Num *offset;      /* by slot: n·p of the flat one's plane; radius, negative if flip_normals */
 } Shapes;
 
 typedef struct {
-    Vec o, d;                           /* d of unit length */
+    Vec o, d; /* d of unit length */
     Real tmax;
-    Index from;                         /* the slot that o lies on, -1 for none */
+    Index from; /* the slot that o lies on, -1 for none */
 } Ray;
 
 typedef struct {
     Real t;
-    Index slot;                         /* -1: nothing met */
+    Index slot; /* -1: nothing met */
 } Hit;
 
 INLINE Real row_point(const Num row[4], Vec p)
@@ -52,9 +59,11 @@ INLINE Real row_direction(const Num row[4], Vec d)
     return real(row[0]) * d.x + real(row[1]) * d.y + real(row[2]) * d.z;
 }
 
-/* Where the ray crosses the plane z = 0 of a flat shape's own space, as a fraction t = num/den with den >= 0, and its x
-   and y there times den: no division until the nearest of all is known. */
-typedef struct { Real num, den, x, y; } Crossing;
+/* Where the ray crosses the plane z = 0 of a flat shape's own space, as a fraction t = num/den with den >= 0,
+   and its x and y there times den: no division until the nearest of all is known. */
+typedef struct {
+    Real num, den, x, y;
+} Crossing;
 
 INLINE Crossing flat_crossing(const Local *flat, const Ray *ray)
 {
@@ -65,7 +74,8 @@ INLINE Crossing flat_crossing(const Local *flat, const Ray *ray)
     return c;
 }
 
-/* The same for a rectangle along the axes: |x| <= half_u den, |y| <= half_v den is within. `axis` is a constant. */
+/* The same for a rectangle along the axes: |x| <= half_u den, |y| <= half_v den is within. `axis` is a
+   constant. */
 INLINE Real along(Vec a, int axis) { return axis == 0 ? a.x : axis == 1 ? a.y : a.z; }
 INLINE Crossing aligned_crossing(const Aligned *a, const Ray *ray, int axis)
 {
@@ -84,11 +94,15 @@ INLINE Mask within_rectangle(Crossing c) { return (real_abs(c.x) <= c.den) & (re
 INLINE Mask within_disk(Crossing c) { return c.x * c.x + c.y * c.y <= c.den * c.den; }
 
 /* The stretch near < t < far of the ray inside a convex solid; no_stretch: it passes by. */
-typedef struct { Real near, far; Mask met; } Stretch;
+typedef struct {
+    Real near, far;
+    Mask met;
+} Stretch;
 
-/* |o + t d - c| = r. The discriminant from the ray's distance to the center, r² - |oc - (oc·d) d|², keeps its digits where
-   b² - |oc|² + r² has lost them: Haines, Günther, Akenine-Möller, Precision Improvements for Ray/Sphere Intersection,
-   Ray Tracing Gems 2019. From a point of the sphere itself, t is exactly 0 and -2 oc·d. */
+/* |o + t d - c| = r. The discriminant from the ray's distance to the center, r² - |oc - (oc·d) d|², keeps its
+   digits where b² - |oc|² + r² has lost them: Haines, Günther, Akenine-Möller, Precision Improvements for
+   Ray/Sphere Intersection, Ray Tracing Gems 2019. From a point of the sphere itself, t is exactly 0 and -2
+   oc·d. */
 INLINE Stretch ball_stretch(const Ball *ball, const Ray *ray, Mask on)
 {
     Vec oc = vec_sub(ray->o, vec_of(ball->center));
@@ -100,9 +114,11 @@ INLINE Stretch ball_stretch(const Ball *ball, const Ray *ray, Mask on)
     return (Stretch){-b - root, root - b, (discriminant >= real(0)) | on};
 }
 
-/* The slabs |x|, |y|, |z| <= 1 of the cube's own space. `face` gets the face entered and left by: 0 … 5 for the normals
-   +x -x +y -y +z -z. */
-typedef struct { Index enter, leave; } Faces;
+/* The slabs |x|, |y|, |z| <= 1 of the cube's own space. `face` gets the face entered and left by: 0 … 5 for
+   the normals +x -x +y -y +z -z. */
+typedef struct {
+    Index enter, leave;
+} Faces;
 
 INLINE Stretch cube_stretch(const Local *cube, const Ray *ray, Faces *faces)
 {
@@ -138,12 +154,15 @@ INLINE Mask cube_outward(const Local *cube, const Ray *ray, Index face)
 INLINE Real stretch_hit(Stretch s, Mask on) { return select(and_not(s.near > real(0), on), s.near, s.far); }
 
 /* The nearest so far, t = num/den. */
-typedef struct { Real num, den; Index slot; } Nearest;
+typedef struct {
+    Real num, den;
+    Index slot;
+} Nearest;
 
 INLINE void take_nearer(Nearest *nearest, Crossing c, Mask within, const Ray *ray, int slot)
 {
     Mask nearer = within & (c.num > real(0)) & (c.num * nearest->den < nearest->num * c.den)
-        & (ray->from != index_of(slot));
+                  & (ray->from != index_of(slot));
     nearest->num = select(nearer, c.num, nearest->num);
     nearest->den = select(nearer, c.den, nearest->den);
     nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
@@ -193,7 +212,8 @@ INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
             Real t = stretch_hit(s, on);
             Mask closer = s.met & (t > real(0)) & (t < hit.t), entering = t == s.near;
             hit.t = select(closer, t, hit.t);
-            hit.slot = index_select(closer, slot + index_select(entering, faces.enter, faces.leave), hit.slot);
+            hit.slot =
+                index_select(closer, slot + index_select(entering, faces.enter, faces.leave), hit.slot);
         }
     if (f & HAS_SPHERE)
         for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++) {
@@ -206,8 +226,8 @@ INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
     return hit;
 }
 
-/* Is the solid in the way of the ray's end at tmax, a point of it where `is_target`? That point is seen from outside if it is
-   on the near side, and from inside always. */
+/* Is the solid in the way of the ray's end at tmax, a point of it where `is_target`? That point is seen from
+   outside if it is on the near side, and from inside always. */
 INLINE Mask stretch_blocks(Stretch s, const Ray *ray, Mask on, Mask is_target)
 {
     Real t = stretch_hit(s, on);
@@ -220,7 +240,7 @@ INLINE Mask stretch_blocks(Stretch s, const Ray *ray, Mask on, Mask is_target)
 INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, int slot)
 {
     return within & (c.num > real(0)) & (c.num < ray->tmax * c.den) & (ray->from != index_of(slot))
-        & (target != index_of(slot));
+           & (target != index_of(slot));
 }
 
 INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, int axis)
@@ -233,13 +253,14 @@ INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, i
     return blocked;
 }
 
-/* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for none. */
+/* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for
+   none. */
 INLINE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Index target, Features f)
 {
     Mask blocked = mask_none();
     if (f & HAS_ALIGNED)
         blocked = aligned_blocks(shapes, ray, target, 0) | aligned_blocks(shapes, ray, target, 1)
-            | aligned_blocks(shapes, ray, target, 2);
+                  | aligned_blocks(shapes, ray, target, 2);
     if (f & HAS_RECTANGLE)
         for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->rectangles[i], ray);
@@ -262,17 +283,18 @@ INLINE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Index target, 
     if (f & HAS_SPHERE)
         for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++) {
             Mask on = ray->from == index_of(slot);
-            blocked |= stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, target == index_of(slot));
+            blocked |=
+                stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, target == index_of(slot));
         }
     return blocked;
 }
 
-/* The point of the surface and its unit normal (turned over by flip_normals). The point is put onto the surface by the
-   surface's own equation, so that it keeps full precision however long the ray was. */
+/* The point of the surface and its unit normal (turned over by flip_normals). The point is put onto the
+   surface by the surface's own equation, so that it keeps full precision however long the ray was. */
 INLINE void shapes_surface(const Shapes *shapes, const Ray *ray, Hit hit, Features f, Vec *p, Vec *n)
 {
     Index slot = index_select(hit.slot < 0, index_of(0), hit.slot);
-    Vec anchor = vec_gather((const Num (*)[3])shapes->anchor, slot);
+    Vec anchor = vec_gather((const Num(*)[3])shapes->anchor, slot);
     Real offset = gather(shapes->offset, slot);
     *p = vec_add(ray->o, vec_scale(ray->d, hit.t));
     *n = anchor;

@@ -1,4 +1,5 @@
-/* What the command line selects: the lecture's techniques, and what a scene and a technique need of a kernel. */
+/* What the command line selects: the lecture's techniques, and what a scene and a technique need of a kernel.
+   */
 #ifndef ONERAY_TECHNIQUE_H
 #define ONERAY_TECHNIQUE_H
 
@@ -18,8 +19,8 @@ typedef struct {
     Roulette roulette;
 } Technique;
 
-/* The feature mask: bit by bit, what a scene has and a technique uses. A kernel instance is compiled for a set of
-   features; what is not in the set is not in its machine code. */
+/* The feature mask: bit by bit, what a scene has and a technique uses. A kernel instance is compiled for a
+   set of features; what is not in the set is not in its machine code. */
 #define FEATURES(X) \
     X(HAS_RECTANGLE,       "rectangle")          X(HAS_DISK,         "disk") \
     X(HAS_ALIGNED,         "rectangle along the axes") \
@@ -48,8 +49,8 @@ typedef uint32_t Features;
 FEATURES(X)
 #undef X
 
-/* The bits that choose between two ways, where an instance must have what is asked for and no more; of the others an
-   instance may have more than the scene needs. */
+/* The bits that choose between two ways, where an instance must have what is asked for and no more; of the
+   others an instance may have more than the scene needs. */
 #define EITHER_WAY (USE_NEE | USE_MIS | USE_BALANCE | USE_COSINE | USE_ROULETTE | HAS_HIDDEN)
 #define EVERY_FEATURE (((Features)1 << FEATURE_COUNT) - 1)
 

@@ -4,7 +4,9 @@
 
 #include "lane.h"
 
-typedef struct { Real x, y, z; } Vec;
+typedef struct {
+    Real x, y, z;
+} Vec;
 
 INLINE Vec vec(Real x, Real y, Real z) { return (Vec){x, y, z}; }
 INLINE Vec vec_of(const Num a[3]) { return (Vec){real(a[0]), real(a[1]), real(a[2])}; }
@@ -36,8 +38,8 @@ INLINE Vec vec_gather(const Num (*table)[3], Index i)
     return (Vec){gather(first, at), gather(first + 1, at), gather(first + 2, at)};
 }
 
-/* Two unit vectors that complete the unit vector n to a right-handed frame (s, t, n), without a case where they fail.
-   Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017. */
+/* Two unit vectors that complete the unit vector n to a right-handed frame (s, t, n), without a case where
+   they fail. Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017. */
 INLINE void vec_frame(Vec n, Vec *s, Vec *t)
 {
     Real sign = flip_sign(real(1), n.z);

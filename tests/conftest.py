@@ -1,0 +1,28 @@
+"""What the tests share: the renderer under test, and scenes."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def oneray() -> Path:
+    """The built renderer, $ONERAY or build/oneray; a test that needs it fails where it is missing."""
+    path = Path(os.environ.get("ONERAY", ROOT / "build" / "oneray"))
+    assert path.is_file(), f"{path} is not built: run make"
+    return path.resolve()
+
+
+@pytest.fixture(scope="session")
+def scene():
+    """scene(name) is the path of a canonical scene."""
+
+    def path(name: str) -> Path:
+        found = ROOT / "scenes" / f"{name}.xml"
+        assert found.is_file(), f"no scene {name}"
+        return found
+
+    return path
