@@ -2,10 +2,10 @@
 
     python scripts/benchmark.py [SCENE ...] [--rounds 5] [--core 0] [--json FILE]
 
-Each round runs every contestant once, in turn, so that a machine whose speed drifts is slow for all. Rendering is timed
-without start-up: oneray's own figure, and for Mitsuba the render call after one that compiled its kernel. Printed are
-minimum, median and maximum over the rounds, of the paths per second and of each contestant's ratio to Mitsuba llvm in the
-same round.
+Each round runs every contestant once, in turn, so that a machine whose speed drifts is slow for all. Rendering
+is timed without start-up: oneray's own figure, and for Mitsuba the render call after one that compiled its
+kernel. Printed are minimum, median and maximum over the rounds, of the paths per second and of each
+contestant's ratio to Mitsuba llvm in the same round.
 """
 
 from __future__ import annotations
@@ -36,7 +36,17 @@ class Contestant:
 
 def oneray(scene: Path, precision: str, spp: int) -> Contestant:
     """oneray with its defaults; seconds as it states them for the render alone."""
-    command = [str(ROOT / "build/oneray"), str(scene), "--spp", str(spp), "--precision", precision, "--stats", "-", "--quiet"]
+    command = [
+        str(ROOT / "build/oneray"),
+        str(scene),
+        "--spp",
+        str(spp),
+        "--precision",
+        precision,
+        "--stats",
+        "-",
+        "--quiet",
+    ]
 
     def run() -> float:
         stats = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
@@ -69,7 +79,11 @@ def mitsuba(scene: Path, variant: str, spp: int) -> Contestant:
 
 def spread(values: list[float], scale: float = 1.0) -> dict[str, float]:
     """Minimum, median and maximum."""
-    return {"min": min(values) / scale, "median": statistics.median(values) / scale, "max": max(values) / scale}
+    return {
+        "min": min(values) / scale,
+        "median": statistics.median(values) / scale,
+        "max": max(values) / scale,
+    }
 
 
 def measure(scene: Path, rounds: int, spp: int) -> dict[str, dict[str, dict[str, float]]]:
@@ -93,7 +107,9 @@ def measure(scene: Path, rounds: int, spp: int) -> dict[str, dict[str, dict[str,
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("scenes", nargs="*", type=Path, default=[ROOT / "scenes/cornell-box.xml"])
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--spp", type=int, default=256, help="samples per pixel of Mitsuba's renders")
@@ -111,7 +127,9 @@ def main() -> int:
         results[scene.stem] = measure(scene, arguments.rounds, arguments.spp)
         print(f"{scene.stem}: {arguments.rounds} rounds on core {arguments.core}, min / median / max")
         for name, figures in results[scene.stem].items():
-            columns = (" / ".join(f"{v:6.2f}" for v in figures[key].values()) for key in ("Mpaths/s", "ratio"))
+            columns = (
+                " / ".join(f"{v:6.2f}" for v in figures[key].values()) for key in ("Mpaths/s", "ratio")
+            )
             print(f"  {name:<15} {{}} Mpaths/s   {{}} x {BASELINE}".format(*columns))
     if arguments.json:
         arguments.json.write_text(json.dumps(results, indent=1) + "\n")

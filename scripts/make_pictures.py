@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from raycheck import references
 from raycheck.images import load_image, write_png
 from raycheck.pictures import display, exposure

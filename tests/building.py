@@ -11,11 +11,15 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def build(target: Path, source: Path = ROOT, **variables: str) -> Path:
-    """Runs `make` in `source` into the folder `target`; returns the program. Warnings are errors in every build."""
+    """Runs `make` in `source` into the folder `target`; returns the program. Warnings are errors."""
     settings = [f"{name}={value}" for name, value in {"BUILD": str(target), **variables}.items()]
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
     done = subprocess.run(
-        ["make", "-C", str(source), *settings, "all"], capture_output=True, text=True, env=environment, check=False
+        ["make", "-C", str(source), *settings, "all"],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
     )
     assert done.returncode == 0, f"make {' '.join(settings)}:\n{done.stderr[-3000:]}"
     return target / "oneray"

@@ -1,7 +1,8 @@
 """Copies of oneray with one mistake each: raycheck must see every one.
 
-`mutants/NAME.patch` is a patch of the sources under a header: the lecture's technique, the mistake in a student's words, the
-symptom, and the scene and technique that show it. It is applied to a copy; the sources hold no trace of it.
+`mutants/NAME.patch` is a patch of the sources under a header: the lecture's technique, the mistake in a student's
+words, the symptom, and the scene and technique that show it. It is applied to a copy; the sources hold no trace
+of it.
 """
 
 from __future__ import annotations
@@ -36,10 +37,14 @@ def broken_copy(patch: Path, folder: Path) -> Path:
 
 def verdict(oneray: Path, scene: str, technique: str, folder: Path) -> dict:
     """The case that raycheck makes of this program."""
-    command = [sys.executable, "-m", "raycheck", "verify", scene, "--technique", technique]
+    command = [sys.executable, "-m", "raycheck", "verify", scene, "--technique", technique, "--spp", "16"]
     environment = os.environ | {"ONERAY": str(oneray)}
     done = subprocess.run(
-        [*command, "--json", folder / "out.json"], env=environment, capture_output=True, text=True, check=False
+        [*command, "--json", folder / "out.json"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode in (0, 1, 3), done.stderr
     (case,) = json.loads((folder / "out.json").read_text())["cases"]
@@ -57,7 +62,7 @@ def test_the_catalogue() -> None:
 
 @pytest.mark.parametrize("patch", PATCHES, ids=lambda path: path.stem)
 def test_is_seen(patch: Path, tmp_path: Path) -> None:
-    """The broken copy FAILs where its header says (the sources as they are do not: that is what `make test` verifies)."""
+    """The broken copy FAILs where its header says. (The sources as they are do not: `make test` verifies it.)"""
     scene, technique = header(patch)["Shows"].split()
     case = verdict(broken_copy(patch, tmp_path / "copy"), scene, technique, tmp_path)
     assert case["verdict"] == "FAIL", case["reason"]

@@ -57,10 +57,12 @@ def test_noise_is_written_as_it_is(oneray: Path, tmp_path: Path) -> None:
 
 
 def test_standard_error_is_the_spread_of_seeds(oneray: Path, tmp_path: Path) -> None:
-    """stderr, squared and averaged over 24 seeds, is the variance between them: within 5 standard errors (3 %)."""
+    """stderr², averaged over 24 seeds, is the variance between them: within 5 standard errors (3 %)."""
     means, squares = [], []
     for seed in range(24):
-        assert run(oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "64", "--seed", str(seed)).returncode == 0
+        assert (
+            run(oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "64", "--seed", str(seed)).returncode == 0
+        )
         pixels = oiio.ImageBuf(str(tmp_path / "out.exr")).get_pixels(oiio.FLOAT).astype(float)
         means.append(pixels[..., :3])
         squares.append(pixels[..., 3:] ** 2)
@@ -74,7 +76,7 @@ def test_one_sample_has_no_standard_error(oneray: Path, tmp_path: Path) -> None:
 
 
 def test_constant_pixels_have_no_error_at_all(oneray: Path, tmp_path: Path) -> None:
-    """Where every sample is the same, the mean is that sample and its standard error exactly 0, also at odd counts."""
+    """Where every sample is the same, the standard error is exactly 0, also at odd counts."""
     assert run(oneray, BOX, "-Ddepth=1", "-o", tmp_path / "out.exr", "--spp", "37").returncode == 0
     pixels = oiio.ImageBuf(str(tmp_path / "out.exr")).get_pixels(oiio.FLOAT)
     lit = pixels[..., 0] == pixels[..., 0].max()
@@ -98,7 +100,7 @@ def test_stats(oneray: Path, tmp_path: Path) -> None:
 
 
 def test_time_budget(oneray: Path) -> None:
-    """--time renders for about as long, and says how many samples that gave; a tiny budget still gives one."""
+    """--time renders for about as long, and says how many samples that gave; at least one."""
     done = run(oneray, BOX, "--time", "1", "--stats", "-")
     stats = json.loads(done.stdout)
     assert stats["spp"] > 1
@@ -135,9 +137,11 @@ def test_full_disk(oneray: Path, tmp_path: Path) -> None:
         assert done.returncode == 2, done.stderr
         assert "cannot be written" in done.stderr
         assert list(tmp_path.iterdir()) == []
-    if os.path.exists("/dev/full"):
-        with open("/dev/full", "w") as full:
-            done = subprocess.run([oneray, BOX, "--stats", "-"], stdout=full, stderr=subprocess.PIPE, check=False)
+    if Path("/dev/full").exists():
+        with Path("/dev/full").open("w") as full:
+            done = subprocess.run(
+                [oneray, BOX, "--stats", "-"], stdout=full, stderr=subprocess.PIPE, check=False
+            )
         assert done.returncode == 2
         assert b"cannot be written" in done.stderr
 
@@ -163,10 +167,16 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ([BOX, "--spp", "0", "-o", "out.exr"], "--spp 0: a whole number from 1"),
         ([BOX, "--spp", "1e3", "-o", "out.exr"], "--spp 1e3: a whole number"),
         ([BOX, "--spp", "-3", "-o", "out.exr"], "--spp -3: a whole number"),
-        ([BOX, "--seed", "18446744073709551616", "-o", "out.exr"], "--seed 18446744073709551616: a whole number"),
+        (
+            [BOX, "--seed", "18446744073709551616", "-o", "out.exr"],
+            "--seed 18446744073709551616: a whole number",
+        ),
         ([BOX, "--time", "soon", "-o", "out.exr"], "--time soon: a number of seconds"),
         ([BOX, "--spp", "1", "--time", "1", "-o", "out.exr"], "give one of them"),
-        ([BOX, "--estimator", "light", "-o", "out.exr"], "--estimator light is not supported (walk, nee, mis)"),
+        (
+            [BOX, "--estimator", "light", "-o", "out.exr"],
+            "--estimator light is not supported (walk, nee, mis)",
+        ),
         ([BOX, "--light-points", "cone", "-o", "out.exr"], "--light-points cone is not supported (area)"),
         ([BOX, "--light-choice", "learned", "-o", "out.exr"], "is not supported (uniform, power)"),
         ([BOX, "--mis", "power", "--estimator", "nee", "-o", "out.exr"], "goes with --estimator mis only"),
@@ -194,7 +204,7 @@ def test_refused(oneray: Path, words: list[str | Path], message: str, tmp_path: 
 
 
 def test_endless_paths_are_an_error(oneray: Path, tmp_path: Path) -> None:
-    """A closed scene that absorbs nothing and has no depth limit: said with the pixel, not cut short in silence."""
+    """A closed scene that absorbs nothing, without a depth limit: said with the pixel, not cut short."""
     scene = tmp_path / "closed.xml"
     scene.write_text(
         '<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="-1"/></integrator>'

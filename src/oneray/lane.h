@@ -166,7 +166,7 @@ INLINE Real real_sqrt(Real a)
 #elif VECTOR_BYTES == 16 && defined(__SSE2__)
     return (Real)VECTOR_SQRT(_mm)(a);
 #else
-    Real b;
+    Real b = {0};
     for (int i = 0; i < LANES; i++)
         b[i] = SQRT(a[i]);
     return b;
@@ -179,7 +179,7 @@ INLINE Real gather(const Num *table, Index i)
 #if LANES == 1
     return table[i];
 #else
-    Real a;
+    Real a = {0};
     for (int lane = 0; lane < LANES; lane++)
         a[lane] = table[i[lane]];
     return a;
@@ -191,7 +191,7 @@ INLINE Index gather_index(const Int *table, Index i)
 #if LANES == 1
     return table[i];
 #else
-    Index a;
+    Index a = {0};
     for (int lane = 0; lane < LANES; lane++)
         a[lane] = table[i[lane]];
     return a;

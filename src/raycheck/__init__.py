@@ -1,0 +1,26 @@
+"""raycheck: a judge of Monte Carlo renderers.
+
+import raycheck
+result = raycheck.verify(lambda scene, spp, seed: my_render(scene, spp, seed), ["point-light"])
+assert result.exit_status == 0, result.cases[0].reason
+"""
+
+from raycheck.compare import Comparison, compare
+from raycheck.images import Image, ImageError, load_image
+from raycheck.renderers import NotFound
+from raycheck.verdict import Limits, Outcome
+from raycheck.verify import Case, Verification, verify
+
+__all__ = [
+    "Case",
+    "Comparison",
+    "Image",
+    "ImageError",
+    "Limits",
+    "NotFound",
+    "Outcome",
+    "Verification",
+    "compare",
+    "load_image",
+    "verify",
+]

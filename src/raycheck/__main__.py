@@ -1,0 +1,5 @@
+"""python -m raycheck"""
+
+from raycheck.cli import main
+
+main()

@@ -1,0 +1,227 @@
+"""The command line: raycheck verify, compare, report."""
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from raycheck import words
+from raycheck.compare import compare as compare_images
+from raycheck.images import ImageError
+from raycheck.references import ReferenceError_
+from raycheck.renderers import NotFound
+from raycheck.report import write_report
+from raycheck.verdict import Outcome
+from raycheck.verify import Case, Verification, raycheck_version
+from raycheck.verify import verify as run_verification
+
+COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
+FEW_COMMANDS = """\
+raycheck judges Monte Carlo renderers against references. The three commands that matter:
+
+  raycheck verify point-light --renderer "./mine {scene} --spp {spp} --seed {seed} -o {output}"
+      Is your renderer right on average? PASS, FAIL and what is wrong, or INCONCLUSIVE and what would decide.
+  raycheck verify cornell-box --images 'mine-*.exr'
+      The same for pictures that are already rendered.
+  raycheck compare A.exr B.exr
+      Do two renders with standard errors show the same mean?
+
+raycheck COMMAND --help says more.
+"""
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        typer.echo(f"raycheck {raycheck_version()}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def few_commands(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """A judge of Monte Carlo renderers."""
+    if context.invoked_subcommand is None:
+        typer.echo(FEW_COMMANDS, nl=False)
+
+
+@app.command()
+def verify(
+    scenes: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENE]...", help="Names or files; all by default.")
+    ] = None,
+    technique: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only this technique of oneray; may be repeated.")
+    ] = None,
+    renderer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CMD", help="Judge this command, with {output} and where it can {scene} {spp} {seed}."
+        ),
+    ] = None,
+    images: Annotated[
+        str | None,
+        typer.Option(metavar="GLOB", help="Judge pictures of one SCENE that are already rendered."),
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
+    ] = None,
+    thorough: Annotated[
+        bool, typer.Option("--thorough", help="As many samples as the committed result has.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Another number gives all-new samples.")] = 0,
+    spp: Annotated[int | None, typer.Option(min=1, help="Samples per pixel of each judged image.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Renders at a time, 2 by default.")] = None,
+    timeout: Annotated[float | None, typer.Option(help="Seconds that one render may take.")] = None,
+) -> None:
+    """Judge a renderer: exit status 1 if anything FAILs, else 3 if anything is INCONCLUSIVE, else 0; 2: could
+    not run.
+    """
+    _writable(json_file)
+    with _progress("verifying") as on_case, _plain_errors():
+        result = run_verification(
+            renderer, scenes or (), techniques=technique or (), images=images, thorough=thorough,
+            seed=seed, spp=spp, jobs=jobs, timeout=timeout, on_case=on_case,
+        )  # fmt: skip
+    show(result)
+    if json_file:
+        json_file.write_text(result.to_json(), encoding="utf-8")
+    raise typer.Exit(result.exit_status)
+
+
+@app.command()
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A.exr")],
+    b: Annotated[Path, typer.Argument(metavar="B.exr")],
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")
+    ] = None,
+) -> None:
+    """Do two images with standard errors show the same mean? Exit status as in verify."""
+    _writable(json_file)
+    with _plain_errors():
+        result = compare_images(a, b)
+    console = _console()
+    console.print(f"[{COLOURS[result.verdict]}]{result.verdict}[/]", end=" ")
+    console.print(result.reason, markup=False)
+    if json_file:
+        json_file.write_text(result.to_json(), encoding="utf-8")
+    raise typer.Exit(result.exit_status)
+
+
+@app.command()
+def report(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Where index.html goes.")
+    ] = Path("report"),
+    verification: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Verdicts of an earlier verify --json; verifies otherwise."),
+    ] = None,
+) -> None:
+    """Leave one offline page: pictures, error maps and verdicts of all scenes."""
+    with _plain_errors(), _progress("verifying") as on_case:
+        page = write_report(output, verification, on_case=on_case)
+    typer.echo(f"{page}: open it in a browser")
+
+
+def show(result: Verification) -> None:
+    """The table of verdicts, and a sentence for each that is not PASS."""
+    console = _console()
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("scene", "technique"):
+        table.add_column(name, no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for name in ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for case in result.cases:
+        table.add_row(case.scene, case.technique, f"[{COLOURS[case.verdict]}]{case.verdict}[/]", *_row(case))
+    console.print(table)
+    for case in result.cases:
+        if case.verdict is not Outcome.PASS:
+            console.print()
+            console.print(
+                f"{case.scene}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
+            )
+            console.print(
+                case.reason[:1].upper() + case.reason[1:] + ".", markup=False, highlight=False, soft_wrap=True
+            )
+    totals = result.header.get("totals", {})
+    counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
+    figures = [case.mde_image for case in result.cases if case.mde_image is not None]
+    sentence = f"{counts} in {words.duration(float(totals.get('seconds', 0.0)))}"
+    if figures:
+        sentence += (
+            f"; a bias of {words.percent(max(figures))} of the image mean would have been noticed everywhere"
+        )
+    console.print()
+    console.print(sentence + ".", highlight=False)
+
+
+def _row(case: Case) -> list[str]:
+    if case.bias is None:
+        return ["", "", "", "", str(case.spp or ""), f"{case.seconds:.1f}"]
+    return [
+        words.signed(case.bias),
+        f"{words.signed(case.bias_low)} … {words.signed(case.bias_high)}",
+        words.percent(case.mde_image),
+        words.percent(case.mde_tile_p90),
+        str(case.spp or ""),
+        f"{case.seconds:.1f}",
+    ]
+
+
+def _console() -> Console:
+    """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
+    return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
+
+
+@contextmanager
+def _progress(what: str):
+    """A progress bar with the time left on a terminal's standard error, nothing in a pipe."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(what, total=None)
+
+        def on_case(case: Case, total: int) -> None:
+            bar.update(task, total=total, advance=1, description=f"{what} {case.scene}, {case.technique}")
+
+        yield on_case
+
+
+@contextmanager
+def _plain_errors():
+    """One line on standard error and exit status 2 where nothing could be judged."""
+    try:
+        yield
+    except (NotFound, ReferenceError_, ImageError) as error:
+        typer.echo(f"raycheck: {error}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        typer.echo("raycheck: interrupted", err=True)
+        raise typer.Exit(130) from None
+
+
+def _writable(path: Path | None) -> None:
+    """Say before a long run, not after it, that its result cannot be written."""
+    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+        typer.echo(f"raycheck: {path}: there is no such folder, or it is one", err=True)
+        raise typer.Exit(2)
+
+
+def main() -> None:
+    app(prog_name="raycheck")

@@ -1,0 +1,223 @@
+"""The canonical scenes and their references: where they are, whether they are fresh, what they hold.
+
+`references/NAME.exr` has float32 channels R, G, B (mean) and variance.R, variance.G, variance.B (variance
+of the mean). `references/manifest.json` says how each was made. A scene with other parameters than its
+defaults has a reference of its own, `NAME@a=1,b=2`. A reference belongs to one scene file: the hash of the
+file (and of the mesh files that it names) and of the parameters is kept, and a reference whose hash differs
+is refused.
+"""
+
+import functools
+import hashlib
+import json
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from raycheck import closed_forms
+
+Array = NDArray[np.float64]
+
+CHANNELS = ("R", "G", "B", "variance.R", "variance.G", "variance.B")
+
+
+class ReferenceError_(Exception):
+    """A reference that is missing, stale or unreadable; the message is one line and says what to do."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a correct renderer's image is on average.
+
+    Attributes:
+        mean: (H, W, 3), Mitsuba's mean of all batches, W·sr⁻¹·m⁻².
+        variance_of_mean: (H, W, 3), its variance, measured between the batches.
+        skewness: tile size in pixels → (rows, cols, 3), skewness of tile means at one sample per pixel; NaN
+            where nothing varies.
+        closed_form: (H, W, 3), exact pixel means, NaN in pixels without one; None if the scene has none.
+        Outranks `mean`.
+    """
+
+    name: str
+    parameters: Mapping[str, str]
+    mean: Array
+    variance_of_mean: Array
+    batches: int
+    spp_per_batch: int
+    entry: Mapping[str, Any]
+    skewness: Mapping[int, Array]
+    closed_form: Array | None = field(default=None)
+
+    def best(self) -> tuple[Array, Array]:
+        """Mean and its variance (H, W, 3 each): the exact values where they are known, else Mitsuba's."""
+        if self.closed_form is None:
+            return self.mean, self.variance_of_mean
+        known = np.isfinite(self.closed_form)
+        return np.where(known, self.closed_form, self.mean), np.where(known, 0.0, self.variance_of_mean)
+
+
+def scenes_dir() -> Path:
+    """Folder of the canonical scenes: in the installed package, else at the top of the checkout."""
+    return _data_dir("scenes")
+
+
+def references_dir() -> Path:
+    """Folder of the references, found like `scenes_dir`."""
+    return _data_dir("references")
+
+
+def _data_dir(name: str) -> Path:
+    package = Path(__file__).resolve().parent
+    places = (package / name, package.parent.parent / name)
+    return next((place for place in places if place.is_dir()), places[-1])
+
+
+def scene_names() -> list[str]:
+    """Names of the canonical scenes, sorted."""
+    return sorted(path.stem for path in scenes_dir().glob("*.xml"))
+
+
+def scene_path(name: str) -> Path:
+    """Path of a canonical scene; ValueError with the names there are."""
+    path = scenes_dir() / f"{name}.xml"
+    if not path.is_file():
+        raise ValueError(f"no scene {name!r}; there are: {', '.join(scene_names())}")
+    return path
+
+
+def key(name: str, parameters: Mapping[str, str] | None = None) -> str:
+    """Name of a reference: "NAME", or "NAME@a=1,b=2" with the parameters sorted."""
+    settings = ",".join(f"{k}={v}" for k, v in sorted((parameters or {}).items()))
+    return f"{name}@{settings}" if settings else name
+
+
+def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
+    """SHA-256 of a scene file, of the files that it names, and of the parameters; line ends do not matter."""
+    text = path.read_bytes().replace(b"\r\n", b"\n")
+    digest = hashlib.sha256(text)
+    for element in ElementTree.fromstring(text).iter("string"):
+        if element.attrib.get("name") == "filename":
+            digest.update((path.parent / element.attrib["value"]).read_bytes())
+    digest.update(json.dumps(sorted((parameters or {}).items())).encode())
+    return digest.hexdigest()
+
+
+def renew_command(name: str, parameters: Mapping[str, str] | None = None) -> str:
+    """The command that makes a reference anew."""
+    settings = "".join(f" -D{k}={v}" for k, v in sorted((parameters or {}).items()))
+    return f"python scripts/make_references.py {name}{settings}"
+
+
+def read_manifest() -> dict[str, Any]:
+    """`references/manifest.json`, empty if there is none yet."""
+    path = references_dir() / "manifest.json"
+    return json.loads(path.read_text()) if path.is_file() else {}
+
+
+def load_reference(name: str, parameters: Mapping[str, str] | None = None) -> Reference:
+    """Load a reference and its closed form; ReferenceError_ if it is missing or stale."""
+    parameters = dict(parameters or {})
+    label = key(name, parameters)
+    renew = f"renew it with: {renew_command(name, parameters)}"
+    entry = read_manifest().get(label)
+    path = references_dir() / f"{label}.exr"
+    if entry is None or not path.is_file():
+        raise ReferenceError_(
+            f"there is no reference for {label}; make it with: {renew_command(name, parameters)}"
+        )
+    if entry["hash"] != scene_hash(scene_path(name), parameters):
+        raise ReferenceError_(f"the reference {label} is stale: its scene has changed since; {renew}")
+    pixels = read_exr(path)
+    if pixels.shape != (entry["height"], entry["width"], len(CHANNELS)):
+        raise ReferenceError_(f"{path} is not the image that the manifest describes; {renew}")
+    return Reference(
+        name=name,
+        parameters=parameters,
+        mean=pixels[..., :3],
+        variance_of_mean=pixels[..., 3:],
+        batches=entry["batches"],
+        spp_per_batch=entry["spp"],
+        entry=entry,
+        skewness={int(size): np.array(table, dtype=np.float64) for size, table in entry["skewness"].items()},
+        closed_form=closed_form(name, parameters),
+    )
+
+
+def closed_form(name: str, parameters: Mapping[str, str] | None = None) -> Array | None:
+    """Exact pixel means (H, W, 3) of a canonical scene, NaN in pixels without; None if there are none."""
+    image = _closed_form(scene_path(name), tuple(sorted((parameters or {}).items())))
+    return None if image is None else image.copy()
+
+
+@functools.lru_cache(maxsize=64)
+def _closed_form(path: Path, parameters: tuple[tuple[str, str], ...]) -> Array | None:
+    return closed_forms.evaluate(path.stem, path, dict(parameters))
+
+
+def read_exr(path: Path) -> Array:
+    """Channels (H, W, 6) of a reference file in the order of `CHANNELS`."""
+    file = oiio.ImageInput.open(str(path))
+    if file is None:
+        raise ReferenceError_(f"{path}: {oiio.geterror().splitlines()[0]}")
+    try:
+        names = list(file.spec().channelnames)
+        pixels = file.read_image(oiio.FLOAT)
+    finally:
+        file.close()
+    missing = [name for name in CHANNELS if name not in names]
+    if missing or pixels is None:
+        raise ReferenceError_(
+            f"{path}: no channel {', '.join(missing)}" if missing else f"{path} cannot be read"
+        )
+    return np.asarray(pixels, dtype=np.float64)[..., [names.index(name) for name in CHANNELS]]
+
+
+def write_reference(label: str, mean: Array, variance_of_mean: Array, entry: Mapping[str, Any]) -> Path:
+    """Write image and manifest entry, each to a temporary file that then takes its place."""
+    folder = references_dir()
+    folder.mkdir(parents=True, exist_ok=True)
+    pixels = np.concatenate([mean, variance_of_mean], axis=-1).astype(np.float32)
+    path = folder / f"{label}.exr"
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as scratch:
+        image = Path(scratch) / "image.exr"
+        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
+        spec.channelnames = CHANNELS
+        spec.attribute("compression", "zip")
+        file = oiio.ImageOutput.create(str(image))
+        if (
+            file is None
+            or not file.open(str(image), spec)
+            or not file.write_image(pixels)
+            or not file.close()
+        ):
+            raise OSError(f"{path}: {file.geterror() if file else oiio.geterror()}")
+        listing = Path(scratch) / "manifest.json"
+        manifest = dict(sorted({**read_manifest(), label: dict(entry)}.items()))
+        listing.write_text(dump_manifest(manifest))
+        image.replace(path)
+        listing.replace(folder / "manifest.json")
+    return path
+
+
+def dump_manifest(manifest: Mapping[str, Any]) -> str:
+    """JSON with one line for each table of skewness, so that a changed reference is a small difference."""
+    tables = {
+        f"@{label}/{size}@": table
+        for label, entry in manifest.items()
+        for size, table in entry.get("skewness", {}).items()
+    }
+    slim = {
+        label: {**entry, "skewness": {size: f"@{label}/{size}@" for size in entry.get("skewness", {})}}
+        for label, entry in manifest.items()
+    }
+    text = json.dumps(slim, indent=2, ensure_ascii=False)
+    for mark, table in tables.items():
+        text = text.replace(json.dumps(mark, ensure_ascii=False), json.dumps(table, separators=(",", ":")))
+    return text + "\n"

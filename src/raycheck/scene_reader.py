@@ -1,0 +1,246 @@
+"""What a scene file says, in double precision: just enough of Mitsuba's XML for closed forms.
+
+Defaults and parameters are put in first, so that every number is the one that a renderer parses too.
+Whatever a closed form cannot judge by (unknown elements) is left out here; it is the renderers that check a
+scene for mistakes.
+"""
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Material:
+    """`kind` is "diffuse" or "conductor"; reflectance (3,)."""
+
+    kind: str
+    reflectance: Array
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A rectangle, disk, cube or sphere: the unit shape placed by `to_world` (4, 4); radiance (3,)."""
+
+    kind: str
+    to_world: Array
+    flipped: bool
+    material: Material
+    radiance: Array
+
+    @property
+    def emits(self) -> bool:
+        return bool(self.radiance.any())
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """Position (3,) and intensity (3,) in W/sr."""
+
+    position: Array
+    intensity: Array
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole: `to_world` (4, 4) with the view along +z and the image's right along −x, as in Mitsuba.
+
+    `tan_x` is the tangent of half the horizontal field of view.
+    """
+
+    to_world: Array
+    tan_x: float
+    width: int
+    height: int
+
+    @property
+    def origin(self) -> Array:
+        return self.to_world[:3, 3]
+
+    def directions(self, x: Array, y: Array) -> Array:
+        """Unit vectors (…, 3) through film positions x, y (…) in pixels from the top left corner."""
+        right = (1 - 2 * x / self.width) * self.tan_x
+        up = (1 - 2 * y / self.height) * self.tan_x * self.height / self.width
+        local = np.stack([right, up, np.ones_like(right)], axis=-1)
+        world = local @ self.to_world[:3, :3].T
+        return world / np.linalg.norm(world, axis=-1, keepdims=True)
+
+    def film(self, points: Array) -> tuple[Array, Array]:
+        """Film positions (x, y) of points (…, 3) in pixels; NaN for points behind the camera."""
+        local = (points - self.origin) @ np.linalg.inv(self.to_world[:3, :3]).T
+        depth = np.where(local[..., 2] > 1e-9, local[..., 2], np.nan)
+        x = (1 - local[..., 0] / depth / self.tan_x) * self.width / 2
+        y = (1 - local[..., 1] / depth / self.tan_x * self.width / self.height) * self.height / 2
+        return x, y
+
+
+@dataclass(frozen=True)
+class Scene:
+    camera: Camera
+    max_depth: int
+    shapes: tuple[Shape, ...]
+    point_lights: tuple[PointLight, ...]
+
+
+def substitute(root: ElementTree.Element, parameters: Mapping[str, str]) -> dict[str, str]:
+    """Put values for $names into all attributes; return them: parameters, else the file's defaults.
+
+    Raises ValueError for a parameter that the file has no `<default>` for.
+    """
+    defaults = {e.attrib["name"]: e.attrib["value"] for e in root.iter("default")}
+    unknown = sorted(set(parameters) - set(defaults))
+    if unknown:
+        known = ", ".join(sorted(defaults)) or "none"
+        raise ValueError(f"the scene has no parameter {', '.join(unknown)} (it has: {known})")
+    values = {**defaults, **parameters}
+    for element in root.iter():
+        if element.tag == "default":
+            continue
+        for key, text in element.attrib.items():
+            for name in sorted(values, key=len, reverse=True):
+                text = text.replace(f"${name}", values[name])
+            element.attrib[key] = text
+    return values
+
+
+def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene:
+    """Read a scene file with `parameters` in place of its defaults."""
+    root = ElementTree.parse(path).getroot()
+    substitute(root, parameters or {})
+    materials = {e.attrib["id"]: _material(e) for e in root.iter("bsdf") if "id" in e.attrib}
+    integrator = root.find("integrator")
+    depth = _value(integrator, "max_depth", "-1") if integrator is not None else "-1"
+    sensor = root.find("sensor")
+    if sensor is None:
+        raise ValueError(f"{path}: no sensor")
+    return Scene(
+        camera=_camera(sensor),
+        max_depth=int(depth),
+        shapes=tuple(_shape(e, materials) for e in root.findall("shape")),
+        point_lights=tuple(_point_light(e) for e in root.findall("emitter") if e.attrib["type"] == "point"),
+    )
+
+
+def _named(element: ElementTree.Element, name: str) -> ElementTree.Element | None:
+    return next((e for e in element if e.attrib.get("name") == name), None)
+
+
+def _value(element: ElementTree.Element, name: str, default: str) -> str:
+    child = _named(element, name)
+    return default if child is None else child.attrib["value"]
+
+
+def _numbers(text: str) -> Array:
+    return np.array([float(word) for word in text.replace(",", " ").split()])
+
+
+def _xyz(element: ElementTree.Element, default: float = 0.0) -> Array:
+    if "value" in element.attrib:
+        values = _numbers(element.attrib["value"])
+        return np.broadcast_to(values, 3).copy()
+    return np.array([float(element.attrib.get(axis, default)) for axis in "xyz"])
+
+
+def _rgb(element: ElementTree.Element, name: str, default: float) -> Array:
+    child = _named(element, name)
+    values = np.array([default]) if child is None else _numbers(child.attrib["value"])
+    return np.broadcast_to(values, 3).copy()
+
+
+def _transform(element: ElementTree.Element, name: str = "to_world") -> Array:
+    """The (4, 4) matrix of a `<transform>`: its operations in order, the first applied first."""
+    matrix = np.eye(4)
+    transform = _named(element, name)
+    for step in transform if transform is not None else ():
+        matrix = _step(step) @ matrix
+    return matrix
+
+
+def _step(step: ElementTree.Element) -> Array:
+    matrix = np.eye(4)
+    if step.tag == "translate":
+        matrix[:3, 3] = _xyz(step)
+    elif step.tag == "scale":
+        matrix[:3, :3] = np.diag(_xyz(step, 1.0))
+    elif step.tag == "rotate":
+        matrix[:3, :3] = _rotation(_xyz(step), math.radians(float(step.attrib["angle"])))
+    elif step.tag == "matrix":
+        values = _numbers(step.attrib["value"])
+        size = 4 if values.size == 16 else 3
+        matrix[:size, :size] = values.reshape(size, size)
+    elif step.tag == "lookat":
+        origin, target, up = (_numbers(step.attrib[key]) for key in ("origin", "target", "up"))
+        forward = (target - origin) / np.linalg.norm(target - origin)
+        left = np.cross(up, forward)
+        left /= np.linalg.norm(left)
+        matrix[:3, :] = np.stack([left, np.cross(forward, left), forward, origin], axis=1)
+    else:
+        raise ValueError(f"<{step.tag}> in a transform")
+    return matrix
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    """Rodrigues' formula."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
+
+
+def _material(element: ElementTree.Element) -> Material:
+    kind = element.attrib["type"]
+    if kind == "conductor":
+        return Material(kind, _rgb(element, "specular_reflectance", 1.0))
+    return Material(kind, _rgb(element, "reflectance", 0.5))
+
+
+def _shape(element: ElementTree.Element, materials: Mapping[str, Material]) -> Shape:
+    to_world = _transform(element)
+    if element.attrib["type"] == "sphere":
+        center = _named(element, "center")
+        radius = float(_value(element, "radius", "1"))
+        local = np.diag([radius, radius, radius, 1.0])
+        local[:3, 3] = np.zeros(3) if center is None else _xyz(center)
+        to_world = to_world @ local
+    reference, own, light = (element.find(tag) for tag in ("ref", "bsdf", "emitter"))
+    if own is not None:
+        material = _material(own)
+    elif reference is not None:
+        material = materials[reference.attrib["id"]]
+    else:
+        material = Material("diffuse", np.full(3, 0.5))
+    return Shape(
+        kind=element.attrib["type"],
+        to_world=to_world,
+        flipped=_value(element, "flip_normals", "false") == "true",
+        material=material,
+        radiance=np.zeros(3) if light is None else _rgb(light, "radiance", 1.0),
+    )
+
+
+def _point_light(element: ElementTree.Element) -> PointLight:
+    position = _named(element, "position")
+    origin = _transform(element)[:3, 3] if position is None else _xyz(position)
+    return PointLight(origin, _rgb(element, "intensity", 1.0))
+
+
+def _camera(sensor: ElementTree.Element) -> Camera:
+    film = sensor.find("film")
+    if film is None:
+        raise ValueError("no film")
+    width, height = int(_value(film, "width", "768")), int(_value(film, "height", "576"))
+    half = math.tan(math.radians(float(_value(sensor, "fov", "0"))) / 2)
+    axis = _value(sensor, "fov_axis", "x")
+    if axis in ("smaller", "larger"):
+        axis = "x" if (width <= height) == (axis == "smaller") else "y"
+    if axis == "y":
+        half *= width / height
+    elif axis == "diagonal":
+        half *= width / math.hypot(width, height)
+    return Camera(_transform(sensor), half, width, height)

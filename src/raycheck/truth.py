@@ -1,0 +1,72 @@
+"""What an image is judged against: Mitsuba's reference, outranked by a closed form where there is one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck.references import Reference
+from raycheck.tiles import SMALLEST, Tile, quad_tree, region_means, region_variances, whole
+from raycheck.verdict import Expected
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Pixel means and their variance, and how skewed and noisy a single sample is."""
+
+    mean: Array
+    """(H, W, 3)"""
+    variance: Array
+    """(H, W, 3) variance of `mean`, 0 where a closed form stands."""
+    sample_variance: Array
+    """(H, W, 3) variance of one sample per pixel as the reference's renderer takes it."""
+    skewness: Mapping[int, Array]
+    """Tile size → (rows, cols, 3) skewness of one-sample tile means, NaN where nothing varies."""
+    batches: int
+    closed_form: bool
+    """At least nine pixels in ten have a closed form."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.mean.shape[0], self.mean.shape[1]
+
+    @property
+    def varies(self) -> bool:
+        return bool(np.any(self.sample_variance > 0))
+
+    def regions(
+        self, spp: float, skewness: Mapping[int, Array] | None = None, smallest: int = SMALLEST
+    ) -> list[Tile]:
+        """The whole image, then its tiles for batches of `spp` samples."""
+        height, width = self.shape
+        return [whole(height, width), *quad_tree(height, width, skewness or self.skewness, spp, smallest)]
+
+    def expected(self, regions: list[Tile], spp: float, quantum: Array | None = None) -> Expected:
+        """The reference over `regions`, for batches as noisy as `spp` of the reference's own samples."""
+        mean = region_means(self.mean, regions)
+        return Expected(
+            mean=mean,
+            variance=region_variances(self.variance, regions),
+            batches=self.batches,
+            batch_variance=region_variances(self.sample_variance, regions) / spp,
+            quantum=np.zeros_like(mean) if quantum is None else region_means(quantum, regions),
+        )
+
+
+def truth_of(reference: Reference) -> Truth:
+    variance = np.asarray(reference.variance_of_mean, dtype=np.float64)
+    mean = np.asarray(reference.mean, dtype=np.float64)
+    closed = np.zeros(mean.shape, dtype=bool)
+    if reference.closed_form is not None:
+        closed = np.isfinite(reference.closed_form)
+    return Truth(
+        mean=np.where(closed, np.nan_to_num(reference.closed_form), mean) if closed.any() else mean,
+        variance=np.where(closed, 0.0, variance),
+        sample_variance=variance * reference.batches * reference.spp_per_batch,
+        skewness=reference.skewness,
+        batches=reference.batches,
+        closed_form=bool(closed.mean() >= 0.9),
+    )

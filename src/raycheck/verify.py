@@ -1,0 +1,562 @@
+"""Verify: render with many seeds, judge against the references, say what was found."""
+
+import datetime
+import glob
+import json
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raycheck import checks, references, renderers, words
+from raycheck.images import Image, ImageError, load_image
+from raycheck.pilot import (
+    Goals,
+    Pilot,
+    Plan,
+    cumulants,
+    equivalent_spp,
+    measure,
+    plan,
+    residual_skewness,
+    tile_skewness,
+)
+from raycheck.seeds import make_seeds
+from raycheck.techniques import SceneContent, applicable, read_content, technique
+from raycheck.tiles import SMALLEST, Tile, region_means
+from raycheck.truth import Truth, truth_of
+from raycheck.verdict import Judgement, Limits, Outcome, judge
+
+Array = NDArray[np.float64]
+
+BATCHES = 32
+"""Images of each of the two judged sets."""
+PILOT_IMAGES = 8
+PILOT_SPP = 16
+QUICK_SECONDS = 90.0
+"""Budget of a quick run over everything, and what no single case may exceed."""
+QUICK_CASE_SECONDS = 20.0
+THOROUGH_CASE_SECONDS = 45.0
+MOST_SPP = 1 << 16
+
+
+@dataclass(frozen=True)
+class Case:
+    """The verdict on one scene and one technique; figures are relative, None where a plain check already
+    failed.
+    """
+
+    scene: str
+    technique: str
+    verdict: Outcome
+    reason: str
+    bias: float | None = None
+    bias_low: float | None = None
+    bias_high: float | None = None
+    mde_image: float | None = None
+    mde_tile_p90: float | None = None
+    spp: int | None = None
+    """Samples per pixel of each image, None where the renderer chooses."""
+    seconds: float = 0.0
+    images: int = 0
+    """Judged images of both sets together."""
+    tiles: int = 0
+    channel: str | None = None
+    mde_tile_max: float | None = None
+    p_image: float | None = None
+    p_tile: float | None = None
+    p_omnibus: float | None = None
+    tile_differences: int = 0
+    heavy_tailed: int = 0
+    more_samples: float | None = None
+    closed_form: bool = False
+    """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """All verdicts of a run, and what they were made with."""
+
+    cases: list[Case]
+    header: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def exit_status(self) -> int:
+        """1 if any FAIL, else 3 if any INCONCLUSIVE, else 0."""
+        outcomes = {case.verdict for case in self.cases}
+        return 1 if Outcome.FAIL in outcomes else 3 if Outcome.INCONCLUSIVE in outcomes else 0
+
+    def to_json(self) -> str:
+        cases = [asdict(case) for case in self.cases]
+        for values in cases:
+            for key, value in values.items():
+                if isinstance(value, float):
+                    values[key] = float(f"{value:.6g}") if np.isfinite(value) else None
+        return (
+            json.dumps({**self.header, "cases": cases}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        )
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case to be judged."""
+
+    scene: str
+    path: Path
+    technique: str
+    renderer: renderers.Renderer
+
+
+@dataclass(frozen=True)
+class Settings:
+    thorough: bool = False
+    seed: int = 0
+    spp: int | None = None
+    jobs: int = 2
+    timeout: float = 60.0
+    case_seconds: float = QUICK_CASE_SECONDS
+    limits: Limits = Limits()
+
+    def wishes(self, truth: Truth) -> list[Goals]:
+        """Detectable biases to reach, the best first."""
+        if not self.thorough:
+            return [Goals(image=0.003), Goals()]
+        wishes = [Goals(image, tile_p90=0.01, fineness=0.8, coarsest=16) for image in (0.001, 0.003)]
+        return [*wishes[0 if truth.closed_form else 1 :], Goals(coarsest=16)]
+
+
+def verify(
+    renderer: str | Callable[[Path, int, int], ArrayLike] | renderers.Renderer | None = None,
+    scenes: Sequence[str | Path] = (),
+    *,
+    techniques: Sequence[str] = (),
+    images: str | Sequence[str | Path] | None = None,
+    thorough: bool = False,
+    seed: int = 0,
+    spp: int | None = None,
+    jobs: int | None = None,
+    seconds: float | None = None,
+    timeout: float | None = None,
+    limits: Limits = Limits(),
+    on_case: Callable[[Case, int], None] | None = None,
+) -> Verification:
+    """Judge a renderer on scenes that have references.
+
+    `renderer` is a command with {output} and where it can {scene} {spp} {seed}, a callable render(scene, spp,
+    seed) that returns (H, W, 3) linear radiance, or None for oneray with every technique that applies (or
+    those named). `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes`
+    are canonical names or scene files; none means all of them. `seconds` is the budget of a quick run.
+    `on_case(case, cases in all)` is called after each verdict. Raises `renderers.NotFound` where nothing can
+    be judged.
+    """
+    started = time.perf_counter()
+    named = [_scene(scene) for scene in scenes] or [
+        (n, references.scene_path(n)) for n in references.scene_names()
+    ]
+    jobs = jobs or min(2, os.cpu_count() or 1)
+    if images is not None:
+        if renderer is not None or techniques:
+            raise renderers.NotFound(
+                "--images judges pictures: it goes with neither --renderer nor --technique"
+            )
+        if len(scenes) != 1:
+            raise renderers.NotFound("--images needs one SCENE, the one that the pictures show")
+        cases = [_judge_files(*named[0], _image_paths(images), limits)]
+        if on_case:
+            on_case(cases[0], 1)
+        return Verification(cases, _header(started, cases, thorough, seed, jobs))
+    tasks = list(_tasks(renderer, named, techniques, explicit=bool(scenes)))
+    budget = QUICK_SECONDS if seconds is None else seconds
+    share = THOROUGH_CASE_SECONDS if thorough else min(QUICK_CASE_SECONDS, budget / len(tasks))
+    settings = Settings(
+        thorough=thorough, seed=seed, spp=spp, jobs=jobs, case_seconds=share, limits=limits,
+        timeout=timeout or (600.0 if thorough else 60.0),
+    )  # fmt: skip
+    cases = []
+    truths: dict[str, Truth] = {}
+    contents: dict[str, SceneContent] = {}
+    taken: dict[str, range] = {}
+    for index, task in enumerate(tasks):
+        if task.scene not in truths:
+            reference = references.load_reference(task.scene)
+            truths[task.scene] = truth_of(reference)
+            contents[task.scene] = read_content(task.path)
+            taken[task.scene] = _reference_seeds(reference)
+        if not thorough:
+            left = max(budget - (time.perf_counter() - started), 0.0) / (len(tasks) - index)
+            settings = Settings(**{**settings.__dict__, "case_seconds": min(QUICK_CASE_SECONDS, left)})
+        case = _judge_task(task, truths[task.scene], contents[task.scene], taken[task.scene], settings)
+        cases.append(case)
+        if on_case:
+            on_case(case, len(tasks))
+    return Verification(cases, _header(started, cases, thorough, seed, jobs))
+
+
+def _scene(scene: str | Path) -> tuple[str, Path]:
+    """Name and file of a canonical scene, or of a file that is one; NotFound otherwise."""
+    names = references.scene_names()
+    if str(scene) in names:
+        return str(scene), references.scene_path(str(scene))
+    path = Path(scene)
+    if not path.is_file():
+        raise renderers.NotFound(f"no scene {scene!s}: there are {', '.join(names)}")
+    if path.stem not in names or path.read_bytes() != references.scene_path(path.stem).read_bytes():
+        raise renderers.NotFound(
+            f"{path}: no reference is known for this file (scripts/make_references.py makes them)"
+        )
+    return path.stem, path
+
+
+def _tasks(
+    renderer: object, named: list[tuple[str, Path]], techniques: Sequence[str], explicit: bool
+) -> Iterator[Task]:
+    if renderer is None:
+        oneray = renderers.oneray_path()
+        try:
+            chosen = [technique(name) for name in techniques]
+        except KeyError as error:
+            raise renderers.NotFound(error.args[0]) from None
+        found = False
+        for name, path in named:
+            possible = applicable(read_content(path))
+            for one in [t for t in possible if t in chosen] if chosen else possible:
+                found = True
+                yield Task(name, path, one.name, renderers.oneray_command(oneray, one.options))
+        if not found:
+            raise renderers.NotFound(
+                f"{', '.join(techniques)} applies to none of {', '.join(n for n, _ in named)}"
+            )
+        return
+    if techniques:
+        raise renderers.NotFound(
+            "--technique chooses among oneray's techniques: it does not go with --renderer"
+        )
+    if isinstance(renderer, str):
+        renderer = renderers.Command.parse(renderer)
+    elif not hasattr(renderer, "render"):
+        renderer = renderers.Function(renderer)
+    if not renderer.takes_scene and (len(named) != 1 or not explicit):
+        raise renderers.NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
+    for name, path in named:
+        yield Task(name, path, "renderer", renderer)
+
+
+def _reference_seeds(reference: references.Reference) -> range:
+    first, count = reference.entry["seeds"]
+    return range(int(first), int(first) + int(count))
+
+
+class _Broken(Exception):
+    """An image that a plain check rejects, or none at all: the sentence that says so."""
+
+
+def _judge_task(task: Task, truth: Truth, content: SceneContent, taken: range, settings: Settings) -> Case:
+    started = time.perf_counter()
+
+    def case(verdict: Outcome, reason: str, **figures: object) -> Case:
+        seconds = time.perf_counter() - started
+        closed = truth.closed_form
+        return Case(
+            task.scene, task.technique, verdict, reason, seconds=seconds, closed_form=closed, **figures
+        )
+
+    key = f"{task.scene}/{task.technique}/{settings.seed}"
+    seeds = make_seeds(key, 1 + PILOT_IMAGES + 2 * BATCHES, taken)
+    try:
+        with _pool(settings.jobs) as pool:
+            return _judge_renders(task, truth, content, seeds, settings, pool, case)
+    except _Broken as error:
+        return case(Outcome.FAIL, str(error))
+    except renderers.RenderTimeout as error:
+        return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
+    except renderers.RenderError as error:
+        return case(Outcome.FAIL, str(error))
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[ThreadPoolExecutor]:
+    """A thread pool that drops what is waiting as soon as something goes wrong."""
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _judge_renders(
+    task: Task, truth: Truth, content: SceneContent, seeds: list[int], settings: Settings,
+    pool: ThreadPoolExecutor, case: Callable[..., Case],
+) -> Case:  # fmt: skip
+    labels: list[str] = []
+    digests: list[str] = []
+
+    def render(spp: int, some: Sequence[int]) -> tuple[Array, list[renderers.Rendering]]:
+        """Images of some seeds, (B, H, W, 3), each through the plain checks."""
+        made = list(pool.map(lambda s: _render(task, truth, spp, s, settings.timeout), some))
+        labels.extend(
+            f"seed {s}" if task.renderer.takes_seed else f"run {len(labels) + i}" for i, s in enumerate(some)
+        )
+        digests.extend(checks.digest(m.image) for m in made)
+        return np.stack([m.image.pixels for m in made]), made
+
+    fixed = not task.renderer.takes_spp
+    _, probe = render(1, seeds[:1])
+    first_spp = 1 if fixed else PILOT_SPP
+    pilot_images, pilot_made = render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
+    _seed_check(task, digests, labels, truth)
+    mistake = checks.name_mistake(pilot_images, truth.mean, truth.variance, content.lights, gross=True)
+    if mistake:
+        return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
+    times = {1: probe[0].seconds, first_spp: min(m.seconds for m in pilot_made)}
+    pilot = measure(pilot_images, None if fixed else first_spp, truth, times)
+    smallest, spp = SMALLEST, None if fixed else settings.spp
+    if not fixed and not settings.spp:
+        chosen = _affordable(pilot, truth, settings)
+        smallest, spp = chosen.smallest, chosen.spp
+
+    quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
+    regions = truth.regions(spp or 1, pilot.skewness, smallest)
+    second = 1 + PILOT_IMAGES + BATCHES
+    set_a, _ = render(spp or 1, seeds[1 + PILOT_IMAGES : second])
+    set_b, _ = render(spp or 1, seeds[second : second + BATCHES])
+    _seed_check(task, digests, labels, truth)
+    target = region_means(truth.mean, regions)
+    expected = truth.expected(
+        regions, (spp or 1) / (pilot.noise if fixed else max(pilot.noise, 1.0)), quantum
+    )
+    found = judge(
+        region_means(set_a, regions) - target,
+        region_means(set_b, regions) - target,
+        expected,
+        settings.limits,
+    )
+    if found.outcome is Outcome.FAIL:
+        both = np.concatenate([set_a, set_b])
+        mistake = checks.name_mistake(both, truth.mean, truth.variance, content.lights)
+    seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
+    found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
+    return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
+
+
+def _render(task: Task, truth: Truth, spp: int, seed: int, timeout: float) -> renderers.Rendering:
+    made = task.renderer.render(task.path, spp, seed, timeout)
+    _contract(made.image, truth, f"seed {seed}" if task.renderer.takes_seed else "")
+    return made
+
+
+def _contract(image: Image, truth: Truth, label: str) -> None:
+    problem = checks.size_problem(image, *truth.shape) or checks.number_problem(image)
+    if problem:
+        raise _Broken(f"{problem} ({label})" if label else problem)
+
+
+def _seed_check(task: Task, digests: list[str], labels: list[str], truth: Truth) -> None:
+    problem = checks.seed_problem(digests, labels, truth.varies)
+    if problem:
+        hint = (
+            ""
+            if task.renderer.takes_seed
+            else "; without {seed} in the command runs must differ by themselves"
+        )
+        raise _Broken(problem + hint)
+
+
+def _affordable(pilot: Pilot, truth: Truth, settings: Settings) -> Plan:
+    """Samples per pixel: what the goals need, at most what the time allows."""
+    each = settings.case_seconds * settings.jobs / (2 * BATCHES)
+    most = MOST_SPP
+    if pilot.sample_seconds > 0:
+        most = int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
+    return plan(pilot, truth, BATCHES, settings.wishes(truth), settings.limits, most)
+
+
+def _sentence(
+    found: Judgement, regions: list[Tile], seconds: float, mistake: str | None, image: Image
+) -> tuple[Judgement, str]:
+    """The judgement's reason, and what coarse input means for it."""
+    sentence = words.reason(found, regions, seconds, mistake)
+    if image.precision == "8-bit" and found.outcome is Outcome.PASS:
+        found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
+        return (
+            found,
+            "8 bits cannot show that an image is right: no gross mistake was seen; write EXR or PFM to pass",
+        )
+    if image.precision != "float":
+        sentence += f"; the images are {image.precision}, so that biases below their rounding are not seen"
+    return found, sentence
+
+
+def _figures(found: Judgement, regions: list[Tile]) -> dict[str, object]:
+    return {
+        "bias": found.bias,
+        "bias_low": found.bias_low,
+        "bias_high": found.bias_high,
+        "mde_image": found.mde_image,
+        "mde_tile_p90": found.mde_tile_p90,
+        "mde_tile_max": found.mde_tile_max,
+        "tiles": len(regions) - 1,
+        "channel": words.CHANNELS[found.channel],
+        "p_image": found.p_image,
+        "p_tile": found.p_tile,
+        "p_omnibus": found.p_omnibus,
+        "tile_differences": found.tile_differences,
+        "heavy_tailed": found.heavy_tailed,
+        "more_samples": found.more_samples if found.outcome is Outcome.INCONCLUSIVE else None,
+    }
+
+
+def _image_paths(images: str | Sequence[str | Path]) -> list[Path]:
+    if isinstance(images, str):
+        paths = [Path(p) for p in sorted(glob.glob(images))]  # noqa: PTH207 (absolute patterns too)
+        if not paths:
+            raise renderers.NotFound(f"--images {images!r}: no file matches")
+        return paths
+    return [Path(p) for p in images]
+
+
+def _judge_files(name: str, path: Path, files: list[Path], limits: Limits) -> Case:
+    """Judge pictures that were already rendered, even a single one."""
+    started = time.perf_counter()
+    truth = truth_of(references.load_reference(name))
+
+    def case(verdict: Outcome, reason: str, **figures: object) -> Case:
+        seconds, closed = time.perf_counter() - started, truth.closed_form
+        return Case(
+            name, "images", verdict, reason, seconds=seconds, closed_form=closed, images=len(files), **figures
+        )
+
+    loaded: list[Image] = []
+    for file in files:
+        try:
+            loaded.append(load_image(file))
+            _contract(loaded[-1], truth, str(file))
+        except (ImageError, _Broken) as error:
+            return case(Outcome.FAIL, str(error))
+    problem = checks.seed_problem([checks.digest(i) for i in loaded], [str(f) for f in files], truth.varies)
+    if problem:
+        return case(Outcome.FAIL, problem)
+    images = np.stack([image.pixels for image in loaded])
+    coarse = next((image for image in loaded if image.precision != "float"), loaded[0])
+    lights = read_content(path).lights
+    residuals = images - truth.mean
+    if coarse.precision == "8-bit":  # what is brighter than white cannot be compared
+        residuals = np.where(images > 0.99, images - np.clip(truth.mean, 0, 1), residuals)
+    mistake = checks.name_mistake(images, truth.mean, truth.variance, lights, gross=True)
+    if mistake:
+        return case(Outcome.FAIL, mistake)
+    parts = _interleave(residuals)
+    if len(images) > 2:
+        variance, third = cumulants(residuals)
+        skewness = tile_skewness(variance, third, truth.skewness)
+    else:
+        variance = np.broadcast_to(residuals.var(axis=(0, 1, 2)), truth.mean.shape)
+        skewness = residual_skewness(residuals, truth.skewness)
+    equivalent = equivalent_spp(truth.sample_variance, variance)
+    regions = parts.usable(truth.regions(1 / parts.classes, skewness))
+    residual_batches = parts.region_means(regions)
+    quantum = coarse.quantum if coarse.precision != "float" else None
+    expected = truth.expected(regions, equivalent / parts.classes, quantum)
+    found = judge(residual_batches[0::2], residual_batches[1::2], expected, limits)
+    if found.outcome is Outcome.FAIL:
+        mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
+    elif found.outcome is Outcome.INCONCLUSIVE:
+        return case(found.outcome, _few(found, len(files)), **_figures(found, regions))
+    found, sentence = _sentence(found, regions, 0.0, mistake, coarse)
+    if parts.classes > 1:
+        sentence += (
+            f" (from {len(files)} image{'s' if len(files) > 1 else ''}, noise measured between pixels)"
+        )
+    return case(found.outcome, sentence, **_figures(found, regions))
+
+
+def _few(found: Judgement, count: int) -> str:
+    more = max(int(np.ceil(count * (found.more_samples - 1))), 1)
+    wide = found.undecided[0] if found.undecided else None
+    width = f"a tile is only known to {words.signed(wide.low)} … {words.signed(wide.high)}; " if wide else ""
+    many = f"{more} more images" if more < 10_000 else "far more samples per pixel"
+    images = f"{count} image{'s' if count > 1 else ''}"
+    return f"too noisy to say from {images}: {width}{many} like these would decide"
+
+
+@dataclass(frozen=True)
+class _Interleaved:
+    """Few images as many batches: pixels are dealt to classes that each cover every tile evenly.
+
+    It takes the noise of different pixels as independent.
+    """
+
+    pixels: Array
+    """(k, H, W, 3) residuals"""
+    classes: int
+
+    def _member(self) -> NDArray[np.int64]:
+        """(H, W) class of each pixel."""
+        order = np.random.default_rng(0).permutation(64).reshape(8, 8) % self.classes
+        height, width = self.pixels.shape[1:3]
+        return np.tile(order, (-(-height // 8), -(-width // 8)))[:height, :width]
+
+    def usable(self, regions: list[Tile]) -> list[Tile]:
+        member = self._member()
+        return [r for r in regions if len(np.unique(member[r.window])) == self.classes]
+
+    def region_means(self, regions: list[Tile]) -> Array:
+        """(k × classes, R, 3)"""
+        if self.classes == 1:
+            return region_means(self.pixels, regions)
+        member = self._member()
+        result = np.empty((self.classes, len(self.pixels), len(regions), 3))
+        for index, region in enumerate(regions):
+            window = self.pixels[:, region.window[0], region.window[1]]
+            for one in range(self.classes):
+                result[one, :, index] = window[:, member[region.window] == one].mean(axis=1)
+        return result.reshape(-1, len(regions), 3)
+
+
+def _interleave(residuals: Array) -> _Interleaved:
+    """At least 2 × BATCHES batches."""
+    classes = 1
+    while classes * len(residuals) < 2 * BATCHES:
+        classes *= 2
+    return _Interleaved(residuals, classes)
+
+
+def _header(started: float, cases: list[Case], thorough: bool, seed: int, jobs: int) -> dict[str, object]:
+    totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
+    return {
+        "raycheck": raycheck_version(),
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "machine": machine(),
+        "mode": "thorough" if thorough else "quick",
+        "seed": seed,
+        "jobs": jobs,
+        "alpha": 1e-5,
+        "totals": totals | {"seconds": round(time.perf_counter() - started, 1)},
+    }
+
+
+def raycheck_version() -> str:
+    try:
+        return version("raycheck")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def machine() -> str:
+    """The processor, its cores and the system, on a line."""
+    name = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        models = [
+            x.split(":", 1)[1].strip() for x in info.read_text().splitlines() if x.startswith("model name")
+        ]
+        name = models[0] if models else name
+    system = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
+    return f"{name}, {os.cpu_count()} cores, {system}"
