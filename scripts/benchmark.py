@@ -2,10 +2,10 @@
 
     python scripts/benchmark.py [SCENE ...] [--rounds 5] [--core 0] [--json FILE]
 
-Each round runs every contestant once, in turn, so that a machine whose speed drifts is slow for all. Rendering
-is timed without start-up: oneray's own figure, and for Mitsuba the render call after one that compiled its
-kernel. Printed are minimum, median and maximum over the rounds, of the paths per second and of each
-contestant's ratio to Mitsuba llvm in the same round.
+Each round runs every contestant once, in turn, so that a machine whose speed drifts is slow for all.
+Rendering is timed without start-up: oneray's own figure, and for Mitsuba the render call after one that
+compiled its kernel. Printed are minimum, median and maximum over the rounds, of the paths per second and of
+each contestant's ratio to Mitsuba llvm in the same round.
 """
 
 from __future__ import annotations

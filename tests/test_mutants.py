@@ -1,8 +1,8 @@
 """Copies of oneray with one mistake each: raycheck must see every one.
 
-`mutants/NAME.patch` is a patch of the sources under a header: the lecture's technique, the mistake in a student's
-words, the symptom, and the scene and technique that show it. It is applied to a copy; the sources hold no trace
-of it.
+`mutants/NAME.patch` is a patch of the sources under a header: the lecture's technique, the mistake in a
+student's words, the symptom, and the scene and technique that show it. It is applied to a copy; the sources
+hold no trace of it.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def test_the_catalogue() -> None:
 
 @pytest.mark.parametrize("patch", PATCHES, ids=lambda path: path.stem)
 def test_is_seen(patch: Path, tmp_path: Path) -> None:
-    """The broken copy FAILs where its header says. (The sources as they are do not: `make test` verifies it.)"""
+    """The broken copy FAILs where its header says. (The sources as they are do not: see `make test`.)"""
     scene, technique = header(patch)["Shows"].split()
     case = verdict(broken_copy(patch, tmp_path / "copy"), scene, technique, tmp_path)
     assert case["verdict"] == "FAIL", case["reason"]

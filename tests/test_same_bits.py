@@ -1,5 +1,5 @@
-"""The picture depends on scene, technique, precision, samples and seed: not on the lanes, the kernel, the compiler,
-nor on the pieces in which it was rendered. Films are compared byte by byte."""
+"""The picture depends on scene, technique, precision, samples and seed: not on the lanes, the kernel, the
+compiler, nor on the pieces in which it was rendered. Films are compared byte by byte."""
 
 from __future__ import annotations
 
