@@ -32,8 +32,7 @@ def truth():
 
 
 def noisy(mean, noise=0.5):
-    """A correct renderer: gamma noise of relative deviation noise/√spp in each pixel, alike in its channels.
-    """
+    """A correct renderer: gamma noise of relative deviation noise/√spp in each pixel, alike in its channels."""
 
     def render(scene, spp, seed):
         rng = np.random.default_rng(seed)
@@ -350,15 +349,26 @@ class TestRun:
 
     def test_runs_without_oneray_and_mitsuba(self, tmp_path):
         """A student's machine: no compiler, no oneray, no Mitsuba."""
-        program = textwrap.dedent(
-            """ import sys sys.modules["mitsuba"] = None import raycheck, raycheck.cli from raycheck.renderers
-            import NotFound try: raycheck.verify() except NotFound as error: assert "--renderer" in
-            str(error) from raycheck.references import load_reference from raycheck.truth import truth_of
-            import numpy as np mean = truth_of(load_reference("point-light")).mean render = lambda scene,
-            spp, seed: mean * np.random.default_rng(seed).gamma(99, 1 / 99, (64, 64, 1)) assert
-            raycheck.verify(render, ["point-light"], spp=4).exit_status == 0
-            """
-        )
+        program = """
+import sys
+sys.modules["mitsuba"] = None
+import numpy as np
+import raycheck.cli
+from raycheck import references, renderers
+
+try:
+    raycheck.verify()
+except renderers.NotFound as error:
+    assert "--renderer" in str(error)
+else:
+    raise AssertionError("oneray was found")
+mean = references.load_reference("point-light").best()[0]
+
+def render(scene, spp, seed):
+    return mean * np.random.default_rng(seed).gamma(99, 1 / 99, (64, 64, 1))
+
+assert raycheck.verify(render, ["point-light"], spp=4).exit_status == 0
+"""
         environment = {k: v for k, v in os.environ.items() if k != "ONERAY"} | {
             "ONERAY": str(tmp_path / "none")
         }

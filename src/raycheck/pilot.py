@@ -160,7 +160,7 @@ def _reached(pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Lim
         return False
     expected = truth.expected(regions, spp)
     scale = np.where(expected.yardstick > 0, expected.yardstick, np.inf)
-    own = 1.1 * region_variances(pilot.sample_variance, regions) / (spp * batches)
+    own = 1.2 * region_variances(pilot.sample_variance, regions) / (spp * batches)
     one_set = np.sqrt(own + expected.variance) / scale
     both_sets = np.sqrt(own / 2 + expected.variance) / scale
     freedom = st.FREEDOM_SHARE * (batches - 1)

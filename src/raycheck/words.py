@@ -94,7 +94,7 @@ def _undecided(found: Judgement, regions: list[Tile], height: int, width: int, s
 
 
 def duration(seconds: float) -> str:
-    if seconds < 90:
+    if seconds < 120:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     if seconds < 5400:
         return f"{seconds / 60:.0f} min"
