@@ -32,7 +32,7 @@ def truth():
 
 
 def noisy(mean, noise=0.5):
-    """A correct renderer: gamma noise of relative deviation noise/√spp in each pixel, alike in its channels."""
+    """Right: gamma noise of relative deviation noise/√spp in each pixel, alike in its channels."""
 
     def render(scene, spp, seed):
         rng = np.random.default_rng(seed)
