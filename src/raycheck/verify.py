@@ -41,10 +41,10 @@ BATCHES = 32
 """Images of each of the two judged sets."""
 PILOT_IMAGES = 8
 PILOT_SPP = 16
-QUICK_SECONDS = 150.0
+QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""
 QUICK_CASE_SECONDS = 20.0
-THOROUGH_CASE_SECONDS = 45.0
+THOROUGH_CASE_SECONDS = 20.0
 MOST_SPP = 1 << 16
 
 
