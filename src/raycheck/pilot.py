@@ -59,17 +59,23 @@ def measure(images: Array, spp: int | None, truth: Truth, times: Mapping[int, fl
             size: np.fmax(np.abs(table), np.abs(skewness[size]) * np.sqrt(spp))
             for size, table in truth.skewness.items()
         }
-    few, many = min(times), max(times)
-    slope = 0.0
-    if many > few:
-        slope = max((times[many] - times[few]) / (many - few), 0.02 * times[many] / many)
+    start, each = pace(times)
     return Pilot(
         sample_variance=variance * (spp or 1),
         skewness=skewness,
         noise=(spp or 1) / equivalent_spp(truth.sample_variance, variance),
-        start_seconds=max(times[few] - slope * few, 0.0),
-        sample_seconds=slope,
+        start_seconds=start,
+        sample_seconds=each,
     )
+
+
+def pace(times: Mapping[int, float]) -> tuple[float, float]:
+    """Seconds to start and seconds for each sample, from the seconds of renders by samples per pixel."""
+    few, many = min(times), max(times)
+    each = 0.0
+    if many > few:
+        each = max((times[many] - times[few]) / (many - few), 0.02 * times[many] / many)
+    return max(times[few] - each * few, 0.0), each
 
 
 def cumulants(images: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from raycheck.pilot import (
     cumulants,
     equivalent_spp,
     measure,
+    pace,
     plan,
     residual_skewness,
     tile_skewness,
@@ -41,10 +42,16 @@ BATCHES = 32
 """Images of each of the two judged sets."""
 PILOT_IMAGES = 8
 PILOT_SPP = 16
+TIMING_STEP, TIMING_SEEDS = 8, 4
+"""A plan for more than 8 times the samples that were timed is timed again nearer to it, so often at most: a
+short render's time says little of a long one's.
+"""
 QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""
 QUICK_CASE_SECONDS = 20.0
 THOROUGH_CASE_SECONDS = 20.0
+THOROUGH_PASS_SECONDS = 75.0
+"""A thorough case takes the first to see small biases, the second where it needs them for a PASS."""
 MOST_SPP = 1 << 16
 
 
@@ -192,6 +199,7 @@ def verify(
             taken[task.scene] = _reference_seeds(reference)
         if not thorough:
             left = max(budget - (time.perf_counter() - started), 0.0) / (len(tasks) - index)
+            left = max(left, budget / len(tasks) / 2)  # what came before may not starve the rest
             settings = Settings(**{**settings.__dict__, "case_seconds": min(QUICK_CASE_SECONDS, left)})
         case = _judge_task(task, truths[task.scene], contents[task.scene], taken[task.scene], settings)
         cases.append(case)
@@ -269,7 +277,7 @@ def _judge_task(task: Task, truth: Truth, content: SceneContent, taken: range, s
         )
 
     key = f"{task.scene}/{task.technique}/{settings.seed}"
-    seeds = make_seeds(key, 1 + PILOT_IMAGES + 2 * BATCHES, taken)
+    seeds = make_seeds(key, 1 + PILOT_IMAGES + 2 * BATCHES + TIMING_SEEDS, taken)
     try:
         with _pool(settings.jobs) as pool:
             return _judge_renders(task, truth, content, seeds, settings, pool, case)
@@ -320,6 +328,14 @@ def _judge_renders(
     smallest, spp = SMALLEST, None if fixed else settings.spp
     if not fixed and not settings.spp:
         chosen = _affordable(pilot, truth, settings)
+        for seed in seeds[-TIMING_SEEDS:]:
+            nearer = TIMING_STEP * max(times)
+            if chosen.spp <= nearer:
+                break
+            times[nearer] = render(nearer, [seed])[1][0].seconds
+            start, each = pace(times)
+            pilot = replace(pilot, start_seconds=start, sample_seconds=each)
+            chosen = _affordable(pilot, truth, settings)
         smallest, spp = chosen.smallest, chosen.spp
 
     quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
@@ -371,11 +387,19 @@ def _seed_check(task: Task, digests: list[str], labels: list[str], truth: Truth)
 
 def _affordable(pilot: Pilot, truth: Truth, settings: Settings) -> Plan:
     """Samples per pixel: what the goals need, at most what the time allows."""
-    each = settings.case_seconds * settings.jobs / (2 * BATCHES)
-    most = MOST_SPP
-    if pilot.sample_seconds > 0:
-        most = int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
-    return plan(pilot, truth, BATCHES, settings.wishes(truth), settings.limits, most)
+
+    def most(seconds: float) -> int:
+        each = seconds * settings.jobs / (2 * BATCHES)
+        if pilot.sample_seconds <= 0:
+            return MOST_SPP
+        return int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
+
+    wishes, limits = settings.wishes(truth), settings.limits
+    chosen = plan(pilot, truth, BATCHES, wishes, limits, most(settings.case_seconds))
+    if settings.thorough:
+        passing = plan(pilot, truth, BATCHES, [Goals()], limits, most(THOROUGH_PASS_SECONDS))
+        chosen = passing if passing.spp > chosen.spp else chosen
+    return chosen
 
 
 def _sentence(
