@@ -14,15 +14,18 @@ need pkg-config sh -c 'command -v pkg-config'
 need libexpat1-dev pkg-config --exists expat
 need libopenexr-dev pkg-config --exists OpenEXR
 need python3-venv python3 -c 'import ensurepip, venv'
+optional=
 for package in "$@"; do
     case $package in
-    libllvm*) need "$package" sh -c "ls /usr/lib/*/libLLVM*19* /usr/lib/libLLVM*19*" ;;
+    # Mitsuba's fast variant wants LLVM 19; without it, its scalar variant serves.
+    libllvm*) ls /usr/lib/*/libLLVM*19* >/dev/null 2>&1 || optional="$optional $package" ;;
     *) need "$package" sh -c "command -v $package" ;;
     esac
 done
-[ -z "$missing" ] && exit 0
+[ -z "$missing$optional" ] && exit 0
 
-run="apt-get update -qq && apt-get install -y --no-install-recommends$missing"
+install="apt-get install -y --no-install-recommends"
+run="apt-get update -qq${missing:+ && $install$missing}${optional:+ && ($install$optional || true)}"
 if ! command -v apt-get >/dev/null 2>&1; then
     echo "Please install (by their Debian names):$missing" >&2
     exit 1
