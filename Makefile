@@ -12,7 +12,7 @@ CFLAGS  ?= -O2 -g
 WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror
 # expat: the XML parser; OpenEXR (its C library, OpenEXRCore): the pictures.
 PACKAGES := expat OpenEXR
-ALL_CFLAGS = -std=c99 -D_POSIX_C_SOURCE=200809L $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
+ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
 # A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512.
@@ -40,17 +40,23 @@ PLAIN_OBJECTS := $(patsubst src/oneray/%.c,$(BUILD)/%.o,$(filter-out src/oneray/
 KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call part,$(k),1)_$(call part,$(k),2).o)
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all demo test references thorough benchmark clean
+.PHONY: all demo test references thorough benchmark clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
 	$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
 
-$(BUILD)/%.o: src/oneray/%.c $(HEADERS) Makefile | $(BUILD)
+# Other settings than last time build everything anew.
+SETTINGS := $(CC) $(ALL_CFLAGS) $(KERNEL_LIST) $(KERNEL_FLAGS)
+$(BUILD)/.settings: FORCE | $(BUILD)
+	@echo '$(SETTINGS)' | cmp -s - $@ || echo '$(SETTINGS)' > $@
+FORCE:
+
+$(BUILD)/%.o: src/oneray/%.c $(HEADERS) Makefile $(BUILD)/.settings | $(BUILD)
 	$(CC) $(ALL_CFLAGS) $(PKG_CFLAGS) -D'KERNELS(X)=$(KERNEL_TABLE)' -c $< -o $@
 
 define kernel_rule
-$$(BUILD)/kernel_$(call part,$(1),1)_$(call part,$(1),2).o: src/oneray/kernel.c $$(HEADERS) Makefile | $$(BUILD)
+$$(BUILD)/kernel_$(call part,$(1),1)_$(call part,$(1),2).o: src/oneray/kernel.c $$(HEADERS) Makefile $$(BUILD)/.settings | $$(BUILD)
 	$$(CC) $$(ALL_CFLAGS) $$(FLAGS_$(call part,$(1),3)) $(if $(filter single:%,$(1)),-DSINGLE) $$(KERNEL_FLAGS) \
 	    -DLANES=$(call part,$(1),2) -DKERNEL=kernel_$(call part,$(1),1)_$(call part,$(1),2) -c $$< -o $$@
 endef

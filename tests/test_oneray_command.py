@@ -220,6 +220,40 @@ def test_endless_paths_are_an_error(oneray: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "out.exr").exists()
 
 
+def test_nothing_that_is_read_is_overwritten(oneray: Path, tmp_path: Path) -> None:
+    """An output that is the scene, a film being merged, or another output is refused; a link is followed."""
+    scene = tmp_path / "box.xml"
+    scene.write_bytes(BOX.read_bytes())
+    assert "it is read as" in refusal(oneray, scene, "-o", scene)
+    assert scene.read_bytes() == BOX.read_bytes()
+    part = tmp_path / "a.film"
+    assert run(oneray, scene, "--samples", "0:2", "--film", part).returncode == 0
+    before = part.read_bytes()
+    assert "it is read as" in refusal(oneray, "merge", part, "-o", part)
+    assert part.read_bytes() == before
+    assert "two outputs" in refusal(oneray, scene, "-o", tmp_path / "x", "--stats", tmp_path / "x")
+    (tmp_path / "real.exr").touch()
+    (tmp_path / "link.exr").symlink_to("real.exr")
+    assert run(oneray, scene, "-o", tmp_path / "link.exr", "--spp", "1").returncode == 0
+    assert (tmp_path / "link.exr").is_symlink()
+    assert (tmp_path / "real.exr").stat().st_size > 0
+
+
+def test_damaged_films_are_refused(oneray: Path, tmp_path: Path) -> None:
+    assert run(oneray, BOX, "--samples", "0:2", "--film", tmp_path / "good").returncode == 0
+    good = (tmp_path / "good").read_bytes()
+    damaged = [
+        good[:-1],
+        good + b"x",
+        good[:-8] + np.array([np.nan]).tobytes(),
+        good.replace(b"\n1 0\n", b"\n1 -1\n"),
+    ]
+    for number, data in enumerate(damaged):
+        (tmp_path / "bad").write_bytes(data)
+        assert "film" in refusal(oneray, "merge", tmp_path / "bad", "-o", tmp_path / "out.exr"), number
+    assert not (tmp_path / "out.exr").exists()
+
+
 def test_help_and_version(oneray: Path) -> None:
     """--help names the lecture's technique of every option value."""
     text = run(oneray, "--help").stdout

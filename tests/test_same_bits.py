@@ -13,6 +13,7 @@ import pytest
 from building import ROOT, build, kernels
 
 SCENES = [*sorted((ROOT / "scenes").glob("*.xml")), ROOT / "tests/everything.xml"]
+ODD = sorted((ROOT / "tests/odd").glob("*.xml"))
 TECHNIQUES = {
     "mis": [],
     "nee-uniform": ["--estimator", "nee", "--hemisphere", "uniform", "--light-choice", "uniform"],
@@ -32,7 +33,7 @@ def film(oneray: Path, scene: Path, target: Path, *options: str, samples: str = 
 
 
 @pytest.mark.parametrize("technique", TECHNIQUES)
-@pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("scene", [*SCENES, *ODD], ids=lambda path: path.stem)
 def test_lanes_and_kernels(oneray: Path, tmp_path: Path, scene: Path, technique: str) -> None:
     """Every width of each precision, specialised and generic, gives the same film."""
     available = kernels(oneray)

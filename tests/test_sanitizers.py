@@ -8,7 +8,11 @@ from pathlib import Path
 import pytest
 from building import ROOT, build, kernels
 
-SCENES = [*sorted((ROOT / "scenes").glob("*.xml")), ROOT / "tests/everything.xml"]
+SCENES = [
+    *sorted((ROOT / "scenes").glob("*.xml")),
+    ROOT / "tests/everything.xml",
+    *sorted((ROOT / "tests/odd").glob("*.xml")),
+]
 MALFORMED = sorted((ROOT / "tests/malformed").glob("*.xml"))
 
 

@@ -3,6 +3,7 @@
 #include "message.h"
 #include "output.h"
 
+#include <errno.h>
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -131,7 +132,7 @@ Film film_read(const char *file)
     int layers = 0;
     FILE *stream = fopen(file, "rb");
     if (!stream)
-        die("%s: cannot be read", file);
+        die("%s: cannot be read: %s", file, strerror(errno));
     if (fscanf(
             stream, "oneray film 1\n%1023[^\n]\n%d %d %d", film.identity, &film.width, &film.height, &layers)
             != 4
@@ -144,10 +145,15 @@ Film film_read(const char *file)
         if (fscanf(stream, "%d %llu", &layer.level, &index) != 2 || layer.level < 0 || layer.level > 62
             || fgetc(stream) != '\n')
             die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
+        if (layer.level > 48 || index >= (uint64_t)1 << (62 - layer.level))
+            die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
         layer.index = index;
         layer.pixels = allocate(pixel_count(&film), 6 * sizeof(double));
         if (fread(layer.pixels, 6 * sizeof(double), pixel_count(&film), stream) != pixel_count(&film))
             die("%s: the film ends early (layer %d of %d)", file, k + 1, layers);
+        for (size_t i = 0; i < 6 * pixel_count(&film); i++)
+            if (!(layer.pixels[i] >= 0 && layer.pixels[i] <= DBL_MAX))
+                die("%s: the film is damaged (layer %d of %d: no radiance)", file, k + 1, layers);
         film_add(&film, layer);
     }
     if (fgetc(stream) != EOF)
@@ -186,10 +192,13 @@ void film_close(Film *film)
     sorted.layer_count = 0;
     for (int k = 0; k < film->layer_count; k++) {
         uint64_t first = layer_first(film->layers[k]), end = film_first(&sorted) + film_samples(&sorted);
-        if (k && first != end)
-            die("merge: samples %llu to %llu are %s", (unsigned long long)(first < end ? first : end),
-                (unsigned long long)(first < end ? end : first) - 1,
-                first < end ? "in two films" : "in no film");
+        uint64_t last = layer_end(film->layers[k]) < end ? layer_end(film->layers[k]) : end;
+        if (k && first < end)
+            die("merge: samples %llu to %llu are in two films", (unsigned long long)first,
+                (unsigned long long)last - 1);
+        if (k && first > end)
+            die("merge: samples %llu to %llu are in no film", (unsigned long long)end,
+                (unsigned long long)first - 1);
         film_add(&sorted, film->layers[k]);
     }
     free(film->layers);

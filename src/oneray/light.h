@@ -32,7 +32,6 @@ typedef struct {
     Int *alias;              /* … else take this one */
     Num (*slot_emission)[3]; /* by slot: radiance along the slot's normal, 0 for what is no light */
     Num *slot_area_choice;   /* by slot: A/p_i */
-    Int *slot_shines;        /* by slot: is there an area light, even one of no power? */
     Num environment[3];      /* radiance of the constant light, and its 1/p_i */
     Num environment_choice;
 } Lights;

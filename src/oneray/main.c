@@ -112,26 +112,27 @@ static int merge(int count, char **words)
 {
     const char *output = NULL;
     Film film = {0};
+    char **inputs = allocate((size_t)count, sizeof *inputs);
     int parts = 0;
     for (int i = 2; i < count; i++)
         if (!strcmp(words[i], "-o") && i + 1 < count && !output)
             output = words[++i];
+        else if (!strcmp(words[i], "-o"))
+            die("merge: one -o OUT.exr is wanted");
         else if (words[i][0] == '-')
             die("merge: %s is no option (oneray merge PART.film ... -o OUT.exr)", words[i]);
+        else
+            inputs[parts++] = words[i];
     if (!output)
         die("merge: -o OUT.exr is wanted");
-    output_check(output);
-    for (int i = 2; i < count; i++) {
-        if (!strcmp(words[i], "-o")) {
-            i++;
-            continue;
-        }
-        Film part = film_read(words[i]);
-        film_collect(&film, &part, words[i]);
-        parts++;
-    }
     if (!parts)
         die("merge: no film is given (oneray merge PART.film ... -o OUT.exr)");
+    output_check(output, inputs, parts);
+    for (int i = 0; i < parts; i++) {
+        Film part = film_read(inputs[i]);
+        film_collect(&film, &part, inputs[i]);
+    }
+    free(inputs);
     film_close(&film);
     write_picture(&film, -1, "merged", output);
     film_free(&film);
@@ -154,11 +155,16 @@ static int render_scene(const Options *options)
     Description *scene =
         description_read(options->scene, (Parameter *)options->parameters, options->parameter_count);
     options_check(options, scene);
+    char *const inputs[] = {(char *)options->scene};
     const char *const outputs[] = {options->output, options->film,
         options->stats && strcmp(options->stats, "-") ? options->stats : NULL};
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < i; k++)
+            if (outputs[i] && outputs[k] && !strcmp(outputs[i], outputs[k]))
+                die("%s: is given for two outputs", outputs[i]);
         if (outputs[i])
-            output_check(outputs[i]);
+            output_check(outputs[i], inputs, 1);
+    }
     seconds.load = seconds_now() - start;
 
     const Kernel *kernel = kernel_find(options->precision, options->lanes);

@@ -75,7 +75,7 @@ INLINE Real fresnel_conductor(Real c, Real eta, Real k)
     Real a = real_sqrt(real_max(real(0.5) * (ab + difference), real(0)));
     Real s = (ab + cc - real(2) * a * c) / (ab + cc + real(2) * a * c);
     Real p = (ab * cc + ss * ss - real(2) * a * c * ss) / (ab * cc + ss * ss + real(2) * a * c * ss);
-    return real(0.5) * s * (real(1) + p);
+    return real_max(real(0.5) * s * (real(1) + p), real(0)); /* rounding can pass 0 where η is near 1 */
 }
 
 /* L11 The mirror: all of the light from the one direction that reflects into wo. */

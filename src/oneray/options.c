@@ -301,7 +301,7 @@ void options_check(const Options *options, const Description *scene)
     if (scene->max_depth < 0 && options->technique.roulette == ROULETTE_NONE)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;
-    if (endless && !options->quiet)
+    if (endless)
         warn("%s:%d: this material absorbs nothing and max_depth is -1: a path that cannot leave will be an "
              "error",
             options->scene, endless->line);

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,22 +15,39 @@ void output_failed(const char *file)
     die("%s: cannot be written: %s", file, strerror(errno ? errno : EIO));
 }
 
+/* The file that a symbolic link leads to, else the name as it is. */
+static void target_of(const char *file, char target[OUTPUT_NAME])
+{
+    struct stat status;
+    char *real = lstat(file, &status) == 0 && S_ISLNK(status.st_mode) ? realpath(file, NULL) : NULL;
+    if (strlen(real ? real : file) >= OUTPUT_NAME)
+        die("%s: the file name is too long", file);
+    strcpy(target, real ? real : file);
+    free(real);
+}
+
 void output_name(const char *file, char temporary[OUTPUT_NAME])
 {
-    int length = snprintf(temporary, OUTPUT_NAME, "%s.%ld.part", file, (long)getpid());
+    char target[OUTPUT_NAME];
+    target_of(file, target);
+    int length = snprintf(temporary, OUTPUT_NAME, "%s.%ld.part", target, (long)getpid());
     if (length < 0 || length >= OUTPUT_NAME)
         die("%s: the file name is too long", file);
     unfinished_file(temporary);
     errno = 0;
 }
 
-void output_check(const char *file)
+void output_check(const char *file, char *const inputs[], int input_count)
 {
-    struct stat status;
+    struct stat status, input;
     char temporary[OUTPUT_NAME];
     if (stat(file, &status) == 0 && !S_ISREG(status.st_mode))
         die("%s: cannot be written: it is %s, not a file", file,
             S_ISDIR(status.st_mode) ? "a folder" : "a device");
+    for (int i = 0; i < input_count; i++)
+        if (stat(file, &status) == 0 && stat(inputs[i], &input) == 0 && status.st_dev == input.st_dev
+            && status.st_ino == input.st_ino)
+            die("%s: cannot be written: it is read as %s", file, inputs[i]);
     output_name(file, temporary);
     int descriptor = open(temporary, O_WRONLY | O_CREAT | O_EXCL, 0666);
     if (descriptor < 0)
@@ -41,8 +59,10 @@ void output_check(const char *file)
 
 void output_done(const char *file, const char *temporary)
 {
+    char target[OUTPUT_NAME];
+    target_of(file, target);
     int descriptor = open(temporary, O_WRONLY);
-    if (descriptor < 0 || fsync(descriptor) || close(descriptor) || rename(temporary, file))
+    if (descriptor < 0 || fsync(descriptor) || close(descriptor) || rename(temporary, target))
         output_failed(file);
     unfinished_file(NULL);
 }

@@ -5,8 +5,9 @@
 
 enum { OUTPUT_NAME = 4096 };
 
-/* Ends the program unless `file` can be written: nothing is rendered that could not be saved. */
-void output_check(const char *file);
+/* Ends the program unless `file` can be written, and if it is one of the files that are read: nothing is
+   rendered that could not be saved, and nothing is lost. */
+void output_check(const char *file, char *const inputs[], int input_count);
 
 /* The temporary name for `file`, noted so that an error or a signal removes it. */
 void output_name(const char *file, char temporary[OUTPUT_NAME]);

@@ -68,7 +68,7 @@ INLINE Vec light_met(const Path *path, const Scene *scene, Hit hit, const Surfac
         Real weight = weight_of_hit(path, inverse_pdf_w_environment(&scene->lights), f);
         light = vec_select(missed, vec_scale(vec_of(scene->lights.environment), weight), light);
     }
-    if (f & HAS_HIDDEN)
+    if (f & HAS_HIDDEN) /* the environment; a camera ray meets no other light */
         light = vec_only(path->depth > index_of(0), light);
     return light;
 }
@@ -122,27 +122,14 @@ INLINE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
         survive(path, random.u[2], path->depth >= index_of(scene->rr_depth));
 }
 
-/* hide_emitters: a camera ray goes on through the shapes that shine, as if they were not there: it is still
-   the ray that left the eye, from a point further on. */
-INLINE void see_through(Path *path, Mask through, Ray before, Hit hit, const Surface *s)
-{
-    path->ray.o = vec_select(through, s->p, path->ray.o);
-    path->ray.d = vec_select(through, before.d, path->ray.d);
-    path->ray.tmax = select(through, before.tmax - hit.t, path->ray.tmax);
-    path->ray.from = index_select(through, s->slot, path->ray.from);
-    path->throughput = vec_select(through, vec_all(real(1)), path->throughput);
-    path->depth = index_select(through, index_of(0), path->depth);
-    path->specular |= through;
-    path->alive |= through;
-}
-
 /* L7 The random walk, by one vertex: L = what the point emits + what it reflects, and the ray recurses. A ray
    that leaves the scene returns no energy. L19: max_depth counts as Mitsuba's, 1 is emission only, 2 direct
    light. */
 INLINE void path_step(Path *path, const Scene *scene, Features f)
 {
     path->rays += path->alive;
-    Hit hit = shapes_hit(&scene->shapes, &path->ray, f);
+    Mask hiding = f & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
+    Hit hit = shapes_hit(&scene->shapes, &path->ray, hiding, f);
     Mask front;
     Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
     if (f & (HAS_AREA | HAS_CONSTANT)) {
@@ -152,20 +139,13 @@ INLINE void path_step(Path *path, const Scene *scene, Features f)
             counts &= hit.slot >= 0;
         path->radiance = vec_add(path->radiance, vec_only(counts, light));
     }
-    Ray before = path->ray;
-    Mask through = mask_none();
-    if (f & HAS_HIDDEN)
-        through = path->alive & (hit.slot >= index_of(0)) & (path->depth == index_of(0))
-                  & (gather_index(scene->lights.slot_shines, surface.slot) != index_of(0));
-    path->alive = and_not(path->alive, through) & (hit.slot >= index_of(0))
-                  & (path->depth + 1 < index_of(scene->max_depth)) & (vec_max(surface.albedo) > real(0));
-    if (any(path->alive)) {
-        if (f & USE_NEE)
-            next_event(path, scene, &surface, and_not(path->alive, surface.specular), f);
-        bounce(path, scene, &surface, f);
-    }
-    if (f & HAS_HIDDEN)
-        see_through(path, through, before, hit, &surface);
+    path->alive &= (hit.slot >= index_of(0)) & (path->depth + 1 < index_of(scene->max_depth))
+                   & (vec_max(surface.albedo) > real(0));
+    if (!any(path->alive))
+        return;
+    if (f & USE_NEE)
+        next_event(path, scene, &surface, and_not(path->alive, surface.specular), f);
+    bounce(path, scene, &surface, f);
 }
 
 #endif

@@ -160,6 +160,7 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
     s->balls = allocate((size_t)counts[SHAPE_SPHERE], sizeof(Ball));
     s->anchor = allocate((size_t)s->slot_count, sizeof *s->anchor);
     s->offset = allocate((size_t)s->slot_count, sizeof *s->offset);
+    s->shines = allocate((size_t)s->slot_count, sizeof *s->shines);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         int slot = first_slot[i] = place_shape(s, shape, filled);
@@ -177,7 +178,7 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
 static void prepare_materials(Scene *scene, const Description *d, const int *first_slot)
 {
     Materials *m = &scene->materials;
-    size_t rows = 2 * (size_t)scene->shapes.slot_count;
+    size_t rows = 2 * (size_t)scene->shapes.slot_count + 2; /* a ray that meets nothing looks at slot 0 */
     m->albedo = allocate(rows, sizeof *m->albedo);
     m->kind = allocate(rows, sizeof *m->kind);
     if (scene->features & HAS_FRESNEL) {
@@ -237,11 +238,11 @@ static double side_area(const Shape *shape, int k)
     }
 }
 
-/* Flux (W), the mean of the channels: what the choice by power goes by. A spot's cone is taken to its
-   middle. */
-static double power_of(const Description *d, const Light *light, int side)
+/* Flux (W), the mean of the channels, in a scene of radius r: what the choice by power goes by. A spot's
+   cone is taken to its middle. */
+static double power_of(const Description *d, const Light *light, int side, double r)
 {
-    double mean = (light->emission[0] + light->emission[1] + light->emission[2]) / 3, r = bounding_radius(d);
+    double mean = (light->emission[0] + light->emission[1] + light->emission[2]) / 3;
     switch (light->kind) {
     case LIGHT_AREA: return PI * side_area(&d->shapes[light->shape], side) * mean;
     case LIGHT_POINT: return 4 * PI * mean;
@@ -302,7 +303,7 @@ static void prepare_site(Scene *scene, const Description *d, const Light *light,
     else
         memcpy(lights->normal[i], scene->shapes.anchor[slot], sizeof lights->normal[i]);
     store(lights->slot_emission[slot], light->emission);
-    lights->slot_shines[slot] = 1;
+    scene->shapes.shines[slot] = 1;
 }
 
 static void prepare_delta(Lights *lights, const Light *light, int i)
@@ -336,7 +337,6 @@ static void allocate_lights(Lights *lights, int slots)
     lights->alias = allocate(n, sizeof *lights->alias);
     lights->slot_emission = allocate((size_t)slots, sizeof *lights->slot_emission);
     lights->slot_area_choice = allocate((size_t)slots, sizeof *lights->slot_area_choice);
-    lights->slot_shines = allocate((size_t)slots, sizeof *lights->slot_shines);
 }
 
 /* L4 The probability p_i of each light: 1/N, or in proportion to its power. Any p_i is valid as long as they
@@ -357,12 +357,12 @@ static void prepare_lights(
     for (int i = 0; i < d->light_count; i++)
         lights->count += sites_of(d, &d->lights[i]);
     allocate_lights(lights, scene->shapes.slot_count);
-    double *p = allocate((size_t)lights->count, sizeof *p);
+    double *p = allocate((size_t)lights->count, sizeof *p), radius = bounding_radius(d);
     for (int i = 0, site = 0; i < d->light_count; i++)
         for (int k = 0; k < sites_of(d, &d->lights[i]); k++, site++) {
             const Light *light = &d->lights[i];
             store(lights->emission[site], light->emission);
-            p[site] = power_of(d, light, k);
+            p[site] = power_of(d, light, k, radius);
             if (light->kind == LIGHT_AREA)
                 prepare_site(scene, d, light, site, k, first_slot[light->shape] + k);
             else
@@ -476,7 +476,7 @@ static void release(void *prepared)
     void *const blocks[] = {s->aligned, s->rectangles, s->disks, s->cubes, s->balls, s->anchor, s->offset,
         m->albedo, m->kind, m->eta, m->k, l->site, l->emission, l->position, l->edge_x, l->edge_y, l->normal,
         l->radius, l->cutoff, l->beam, l->area_choice, l->slot, l->alias_share, l->alias, l->slot_emission,
-        l->slot_area_choice, l->slot_shines, scene};
+        l->slot_area_choice, s->shines, scene};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)
         free(blocks[i]);
 }

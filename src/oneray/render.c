@@ -2,6 +2,7 @@
 
 #include "message.h"
 
+#include <float.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -86,6 +87,10 @@ static void render_block(Render *r, uint64_t first, int level)
             if (bad < 0)
                 continue;
             const double *sample = radiance + 3 * (i * samples + (size_t)bad);
+            if (sample[0] > DBL_MAX || sample[1] > DBL_MAX || sample[2] > DBL_MAX)
+                die("%s: pixel (%zu, %zu): radiance overflows %s precision", r->options->scene,
+                    (pixel + i) % (size_t)r->film->width, (pixel + i) / (size_t)r->film->width,
+                    r->options->precision);
             die("%s: pixel (%zu, %zu), sample %llu, seed %llu: radiance (%g, %g, %g) is no radiance: a bug, "
                 "please "
                 "report it",

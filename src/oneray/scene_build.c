@@ -275,7 +275,8 @@ static void read_directional(Builder *builder, Node *node)
             to_world.m[i][2] = direction[i];
     double length = set_direction(light, &to_world);
     if (!(length > 0 && length < INFINITY))
-        fail(properties[DIRECTION].node, "\"direction\" must not be of zero or overflowing length");
+        fail(properties[DIRECTION].node ? properties[DIRECTION].node : node,
+             "\"direction\" must not be of zero or overflowing length");
     if (properties[TO_WORLD].node && fabs(length - 1) > 1e-5)
         fail(properties[TO_WORLD].node, "\"to_world\" of a directional emitter must not scale (Mitsuba "
              "multiplies the irradiance by it)");
@@ -477,7 +478,7 @@ static void read_path(Builder *builder, Node *node)
 {
     Description *d = builder->description;
     Property properties[] = {
-        {"max_depth", AS_INTEGER, &d->max_depth, "[-1,2147483647]", NULL},
+        {"max_depth", AS_INTEGER, &d->max_depth, "[-1,999999]", NULL},
         {"rr_depth", AS_INTEGER, &d->rr_depth, "[1,2147483647]", NULL},
         {"hide_emitters", AS_BOOLEAN, &d->hide_emitters, NULL, NULL},
     };

@@ -273,7 +273,7 @@ static Affine parse_transform(const Node *node)
     for (int j = 0; j < 3; j++)
         size *= sqrt(result.m[0][j] * result.m[0][j] + result.m[1][j] * result.m[1][j]
                      + result.m[2][j] * result.m[2][j]);
-    if (!(fabs(affine_determinant(result)) > 1e-10 * size) || !(size <= DBL_MAX))
+    if (!(fabs(affine_determinant(result)) > 1e-10 * size) || !(size >= DBL_MIN && size <= DBL_MAX))
         fail(node, "the transform is singular: it makes things flat, or has no inverse in floating point");
     return result;
 }

@@ -36,6 +36,7 @@ typedef struct {
     int aligned_slot[4], disk_slot, cube_slot, sphere_slot,
         slot_count;   /* first slots; rectangles': aligned_slot[3] */
     Num (*anchor)[3]; /* by slot: the unit normal n of a flat primitive, the center of a sphere */
+    Int *shines;      /* by slot: is there an area light, even one of no power? */
     Num *offset;      /* by slot: n·p of the flat one's plane; radius, negative if flip_normals */
 } Shapes;
 
@@ -153,6 +154,12 @@ INLINE Mask cube_outward(const Local *cube, const Ray *ray, Index face)
 /* What the ray meets of a solid: the near side, or from inside the far one. */
 INLINE Real stretch_hit(Stretch s, Mask on) { return select(and_not(s.near > real(0), on), s.near, s.far); }
 
+/* hide_emitters: the lanes that `hiding` names, those of camera rays, pass the shapes that shine. */
+INLINE Mask can_meet(const Shapes *shapes, int slot, Mask hiding, Features f)
+{
+    return f & HAS_HIDDEN && shapes->shines[slot] ? mask_not(hiding) : mask_all();
+}
+
 /* The nearest so far, t = num/den. */
 typedef struct {
     Real num, den;
@@ -168,39 +175,41 @@ INLINE void take_nearer(Nearest *nearest, Crossing c, Mask within, const Ray *ra
     nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
 }
 
-INLINE void aligned_nearest(const Shapes *shapes, const Ray *ray, int axis, Nearest *nearest)
+INLINE void aligned_nearest(
+    const Shapes *shapes, const Ray *ray, Mask hiding, int axis, Nearest *nearest, Features f)
 {
     for (int slot = shapes->aligned_slot[axis]; slot < shapes->aligned_slot[axis + 1]; slot++) {
         Crossing c = aligned_crossing(&shapes->aligned[slot], ray, axis);
-        take_nearer(nearest, c, within_aligned(&shapes->aligned[slot], c), ray, slot);
+        Mask within = within_aligned(&shapes->aligned[slot], c) & can_meet(shapes, slot, hiding, f);
+        take_nearer(nearest, c, within, ray, slot);
     }
 }
 
 /* The nearest of the flat shapes, with the one division that this takes. */
-INLINE Hit flat_hit(const Shapes *shapes, const Ray *ray, Features f)
+INLINE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
 {
     Nearest nearest = {ray->tmax, real(1), index_of(-1)};
     if (f & HAS_ALIGNED) {
-        aligned_nearest(shapes, ray, 0, &nearest);
-        aligned_nearest(shapes, ray, 1, &nearest);
-        aligned_nearest(shapes, ray, 2, &nearest);
+        aligned_nearest(shapes, ray, hiding, 0, &nearest, f);
+        aligned_nearest(shapes, ray, hiding, 1, &nearest, f);
+        aligned_nearest(shapes, ray, hiding, 2, &nearest, f);
     }
     if (f & HAS_RECTANGLE)
         for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->rectangles[i], ray);
-            take_nearer(&nearest, c, within_rectangle(c), ray, slot);
+            take_nearer(&nearest, c, within_rectangle(c) & can_meet(shapes, slot, hiding, f), ray, slot);
         }
     if (f & HAS_DISK)
         for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->disks[i], ray);
-            take_nearer(&nearest, c, within_disk(c), ray, slot);
+            take_nearer(&nearest, c, within_disk(c) & can_meet(shapes, slot, hiding, f), ray, slot);
         }
     return (Hit){f & HAS_FLAT ? nearest.num / nearest.den : nearest.num, nearest.slot};
 }
 
-INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
+INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
 {
-    Hit hit = flat_hit(shapes, ray, f);
+    Hit hit = flat_hit(shapes, ray, hiding, f);
     if (f & HAS_CUBE)
         for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
             Faces faces = {index_of(0), index_of(0)};
@@ -210,7 +219,8 @@ INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
             if (any(on))
                 s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
             Real t = stretch_hit(s, on);
-            Mask closer = s.met & (t > real(0)) & (t < hit.t), entering = t == s.near;
+            Mask closer = s.met & (t > real(0)) & (t < hit.t) & can_meet(shapes, slot, hiding, f);
+            Mask entering = t == s.near;
             hit.t = select(closer, t, hit.t);
             hit.slot =
                 index_select(closer, slot + index_select(entering, faces.enter, faces.leave), hit.slot);
@@ -220,7 +230,7 @@ INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Features f)
             Mask on = ray->from == index_of(slot);
             Stretch s = ball_stretch(&shapes->balls[i], ray, on);
             Real t = stretch_hit(s, on);
-            Mask closer = s.met & (t > real(0)) & (t < hit.t);
+            Mask closer = s.met & (t > real(0)) & (t < hit.t) & can_meet(shapes, slot, hiding, f);
             hit = (Hit){select(closer, t, hit.t), index_select(closer, index_of(slot), hit.slot)};
         }
     return hit;
