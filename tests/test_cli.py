@@ -44,6 +44,7 @@ def test_verify_right_and_wrong(tmp_path):
     assert done.returncode == 0, done.stdout
     assert done.stderr == ""  # no progress bar in a pipe
     assert "PASS" in done.stdout and "would have been noticed" in done.stdout
+    assert "Judged against closed forms: point-light." in done.stdout
     assert all(len(line) <= 140 for line in done.stdout.splitlines())
     assert json.loads(found.read_text())["cases"][0]["verdict"] == "PASS"
 

@@ -1,5 +1,5 @@
-/* A scene as its file says it: plain doubles, no lanes. scene_xml.c fills a Description, scene.h prepares it
-   for the lanes of a kernel. Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
+/* A scene as its file says it: plain doubles, no lanes. scene_xml.c fills a Description, prepare.h
+   prepares it for the lanes of a kernel. Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
 #ifndef ONERAY_DESCRIPTION_H
 #define ONERAY_DESCRIPTION_H
 

@@ -166,6 +166,16 @@ def show(result: Verification) -> None:
         )
     console.print()
     console.print(sentence + ".", highlight=False)
+    console.print(_judged_against(result.cases), highlight=False, soft_wrap=True)
+
+
+def _judged_against(cases: list[Case]) -> str:
+    """Which scenes have a closed form, which outranks Mitsuba, and which do not."""
+    closed = sorted({case.scene for case in cases if case.closed_form})
+    rendered = sorted({case.scene for case in cases if not case.closed_form})
+    parts = [f"closed forms: {', '.join(closed)}"] if closed else []
+    parts += [f"Mitsuba's references: {', '.join(rendered)}"] if rendered else []
+    return f"Judged against {'; '.join(parts)}."
 
 
 def _row(case: Case) -> list[str]:
