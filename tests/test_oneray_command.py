@@ -16,6 +16,7 @@ from building import ROOT
 
 BOX = ROOT / "scenes/cornell-box.xml"
 POINT = ROOT / "scenes/point-light.xml"
+MIRROR = ROOT / "scenes/mirror-light.xml"
 
 
 def run(*command: str | Path, **settings) -> subprocess.CompletedProcess[str]:
@@ -173,12 +174,14 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ),
         ([BOX, "--time", "soon", "-o", "out.exr"], "--time soon: a number of seconds"),
         ([BOX, "--spp", "1", "--time", "1", "-o", "out.exr"], "give one of them"),
-        (
-            [BOX, "--estimator", "light", "-o", "out.exr"],
-            "--estimator light is not supported (walk, nee, mis)",
-        ),
-        ([BOX, "--light-points", "cone", "-o", "out.exr"], "--light-points cone is not supported (area)"),
-        ([BOX, "--light-choice", "learned", "-o", "out.exr"], "is not supported (uniform, power)"),
+        ([BOX, "--estimator", "bdpt", "-o", "out.exr"], "is not supported (walk, nee, mis, light)"),
+        ([BOX, "--estimator", "light", "--light-points", "area", "-o", "out.exr"], "does nothing there"),
+        ([BOX, "--estimator", "light", "--light-choice", "learned", "-o", "out.exr"], "uniform or power"),
+        ([MIRROR, "--estimator", "light", "-o", "out.exr"], "shows a mirror or glass"),
+        ([BOX, "--mis-pdf", "survival", "--estimator", "nee", "-o", "out.exr"], "goes with --estimator mis only"),
+        ([BOX, "--mis-pdf", "survival", "--roulette", "none", "-o", "out.exr"], "every path survives"),
+        ([BOX, "--light-points", "corner", "-o", "out.exr"], "is not supported (area, facing, cone)"),
+        ([BOX, "--light-choice", "best", "-o", "out.exr"], "(uniform, power, contribution, learned)"),
         ([BOX, "--mis", "power", "--estimator", "nee", "-o", "out.exr"], "goes with --estimator mis only"),
         ([BOX, "--light-choice", "power", "--estimator", "walk", "-o", "out.exr"], "sends no ray to a light"),
         ([POINT, "--estimator", "walk", "-o", "out.exr"], "no random ray hits a point light"),

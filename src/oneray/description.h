@@ -13,13 +13,22 @@ typedef struct {
 
 enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind */
 
-typedef enum { MATERIAL_DIFFUSE, MATERIAL_CONDUCTOR, MATERIAL_KINDS } MaterialKind;
+typedef enum {
+    MATERIAL_DIFFUSE,
+    MATERIAL_CONDUCTOR,
+    MATERIAL_DIELECTRIC,
+    MATERIAL_BLEND
+} MaterialKind;
 
 typedef struct {
     MaterialKind kind;
-    double reflectance[3]; /* albedo of a diffuse, specular_reflectance of a conductor */
+    double reflectance[3]; /* albedo of a diffuse, else specular_reflectance */
     bool fresnel;          /* conductor: false for Mitsuba's material "none", a perfect mirror */
     double eta[3], k[3];   /* conductor: complex index of refraction eta + i k, by channel */
+    double transmittance[3]; /* dielectric: specular_transmittance */
+    double ior;              /* dielectric: index inside over index outside; the normal points outside */
+    double weight;           /* blend: of the second material */
+    int first, second;       /* blend: index into materials, or MATERIAL_NONE */
     int line;
 } Material;
 

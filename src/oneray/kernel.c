@@ -1,7 +1,7 @@
 /* The tracer's body, compiled for LANES lanes of one precision, in one instance for each row of INSTANCES. */
 #include "kernel.h"
 
-#include "path.h"
+#include "light_trace.h"
 #include "prepare.h"
 
 #ifndef KERNEL
@@ -18,7 +18,7 @@ typedef struct {
     size_t item[LANES];           /* what each lane of the path works on */
 } Queue;
 
-INLINE void make_starts(Queue *queue, const Scene *scene, const Job *job)
+INLINE void make_starts(Queue *queue, const Scene *scene, const Job *job, Features f)
 {
     Real x = real(0), y = real(0);
     for (int lane = 0; lane < LANES; lane++) {
@@ -36,21 +36,24 @@ INLINE void make_starts(Queue *queue, const Scene *scene, const Job *job)
             queue->y++;
         }
     }
-    start_at(&queue->start, scene, x, y);
+    if ((f & USE_LIGHT_PATHS) && job->splats)
+        start_at_light(&queue->start, scene, f);
+    else
+        start_at(&queue->start, scene, x, y);
     queue->used = 0;
 }
 
 #define COPY_LANE(field) LANE(path->field, lane) = LANE(start->field, used)
 
 /* Gives each lane whose path has ended the next sample, and starts its path. */
-INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job, Mask *busy)
+INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job, Mask *busy, Features f)
 {
     const Start *start = &queue->start;
     Mask fresh = mask_none();
     for (unsigned idle = mask_bits(mask_not(*busy)); idle && queue->next < queue->count; idle &= idle - 1) {
         int lane = lowest_lane(idle);
         if (queue->used == LANES)
-            make_starts(queue, scene, job);
+            make_starts(queue, scene, job, f);
         int used = queue->used++;
         queue->item[lane] = queue->next++;
         LANE(fresh, lane) = LANE(mask_all(), lane);
@@ -58,16 +61,19 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
         COPY_LANE(ray.o.x), COPY_LANE(ray.o.y), COPY_LANE(ray.o.z);
         COPY_LANE(ray.d.x), COPY_LANE(ray.d.y), COPY_LANE(ray.d.z);
         COPY_LANE(ray.tmax), COPY_LANE(ray.from);
+        if (f & USE_LIGHT_PATHS)
+            COPY_LANE(flux.x), COPY_LANE(flux.y), COPY_LANE(flux.z);
         (void)used;
     }
     *busy |= fresh;
     path_start(path, fresh);
 }
 
-/* Puts away the radiance of each lane whose path has ended. */
+/* Puts away the radiance of each lane whose path has ended; light paths have none. */
 INLINE void collect(const Path *path, const Queue *queue, const Job *job, Mask *busy)
 {
-    for (unsigned ended = mask_bits(and_not(*busy, path->alive)); ended; ended &= ended - 1) {
+    unsigned ended = job->splats ? 0 : mask_bits(and_not(*busy, path->alive));
+    for (; ended; ended &= ended - 1) {
         int lane = lowest_lane(ended);
         double *to = job->radiance + 3 * queue->item[lane];
         to[0] = (double)LANE(path->radiance.x, lane);
@@ -75,6 +81,13 @@ INLINE void collect(const Path *path, const Queue *queue, const Job *job, Mask *
         to[2] = (double)LANE(path->radiance.z, lane);
     }
     *busy = path->alive;
+}
+
+INLINE void note_pixel(const Path *path, Mask lanes, int64_t *pixel)
+{
+    unsigned bits = mask_bits(lanes);
+    if (bits)
+        *pixel = (int64_t)LANE(path->rng.pixel, lowest_lane(bits));
 }
 
 INLINE void render_instance(const Scene *scene, const Job *job, Counters *counters, Features f)
@@ -94,15 +107,17 @@ INLINE void render_instance(const Scene *scene, const Job *job, Counters *counte
     Mask busy = mask_none();
     for (;;) {
         if (queue.next < queue.count && any(mask_not(busy)))
-            refill(&path, &queue, scene, job, &busy);
+            refill(&path, &queue, scene, job, &busy, f);
         if (!any(busy))
             break;
-        path_step(&path, scene, f);
+        if ((f & USE_LIGHT_PATHS) && job->splats)
+            light_step(&path, scene, queue.item, job->splats, f);
+        else
+            path_step(&path, scene, f);
         Mask endless = path.alive & (path.depth + 1 >= index_of(PATH_LIMIT));
-        if (any(endless))
-            for (int lane = 0; lane < LANES; lane++)
-                if (LANE(endless, lane))
-                    counters->endless = (int64_t)LANE(path.rng.pixel, lane);
+        note_pixel(&path, endless, &counters->endless);
+        if (f & USE_LIGHT_PATHS)
+            note_pixel(&path, path.unreachable, &counters->unreachable);
         path.alive = and_not(path.alive, endless);
         collect(&path, &queue, job, &busy);
     }
@@ -114,13 +129,15 @@ INLINE void render_instance(const Scene *scene, const Job *job, Counters *counte
 
 /* The instances: for each a set of features, the first that serves a scene is taken. What is not in the set
    folds away. */
-#define INDOOR (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT)
+#define INDOOR                                                                                               \
+    (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT | USE_NEE | USE_MIS    \
+        | USE_COSINE | USE_SOLID_ANGLE)
 #ifdef ONLY_GENERIC
 #define INSTANCES(X)
 #else
 #define INSTANCES(X)                                                                                         \
-    X(indoor, INDOOR | USE_NEE | USE_MIS | USE_COSINE | USE_ROULETTE)                                        \
-    X(indoor_direct, INDOOR | USE_NEE | USE_MIS | USE_COSINE)
+    X(indoor, INDOOR | USE_ROULETTE)                                                                         \
+    X(indoor_direct, INDOOR)
 #endif
 
 #define X(name, set)                                                                                         \
@@ -154,6 +171,53 @@ static Instance instance_for(Features wanted)
     return instances[last];
 }
 
+/* L18 The pre-pass: where paths go, a grid of regions over that, then rays to lights, chosen half by
+   contribution and half by count, to see which arrive. */
+enum { LESSON_PATHS = 1 << 17, LESSON_CELLS = 12 };
+#define LESSON_SEED 0x6c6573736f6eu
+
+static void take_lesson(Scene *scene, uint64_t samples)
+{
+    size_t pixels = (size_t)scene->width * (size_t)scene->height, row = (size_t)scene->width;
+    double *radiance = allocate(row * samples, 3 * sizeof *radiance);
+    Counters counters = {0, 0, -1, -1};
+    for (size_t pixel = 0; pixel < pixels; pixel += row) {
+        Job job = {LESSON_SEED, 0, pixel, samples, row, radiance, NULL};
+        render_generic(scene, &job, &counters);
+    }
+    free(radiance);
+}
+
+static void learn(Scene *scene)
+{
+    Lesson lesson = {1, {NUM_MAX, NUM_MAX, NUM_MAX}, {-NUM_MAX, -NUM_MAX, -NUM_MAX}, NULL, NULL};
+    scene->lesson = &lesson;
+    take_lesson(scene, 1);
+    if (lesson.low[0] <= lesson.high[0]) {
+        uint64_t pixels = (uint64_t)scene->width * (uint64_t)scene->height;
+        size_t numbers = lay_regions(&scene->lights.tree, &lesson, LESSON_CELLS);
+        lesson.bounds_only = 0;
+        lesson.tested = allocate(numbers, sizeof *lesson.tested);
+        lesson.seen = allocate(numbers, sizeof *lesson.seen);
+        take_lesson(scene, pixels < LESSON_PATHS ? LESSON_PATHS / pixels : 1);
+        scene->lights.tree.visible = keep(scene, numbers, sizeof(Num));
+        for (size_t k = 0; k < numbers; k++)
+            scene->lights.tree.visible[k] = (Num)learned_share(lesson.seen[k], lesson.tested[k]);
+        free(lesson.tested);
+        free(lesson.seen);
+    }
+    scene->lights.tree.uniform_share = (Num)LEARNED_UNIFORM_SHARE;
+    scene->lesson = NULL;
+}
+
+static void *prepare_and_learn(const Description *description, const Technique *technique)
+{
+    Scene *scene = prepare(description, technique);
+    if (scene->features & USE_LEARNED)
+        learn(scene);
+    return scene;
+}
+
 static Features features(const void *scene) { return ((const Scene *)scene)->features; }
 static const char *instance(const void *scene) { return instance_for(features(scene)).name; }
 
@@ -172,4 +236,4 @@ static void render(const void *scene, const Job *job, Counters *counters, int ge
 #endif
 
 extern const Kernel KERNEL;
-const Kernel KERNEL = {PRECISION_NAME, LANES, prepare, features, instance, render, release};
+const Kernel KERNEL = {PRECISION_NAME, LANES, prepare_and_learn, features, instance, render, release};

@@ -7,17 +7,32 @@
 
 #include <stddef.h>
 
+/* L17 What a vertex of a light path gives a pixel. */
+typedef struct {
+    size_t path;   /* of the job's */
+    size_t pixel;
+    double radiance[3];
+} Splat;
+
+typedef struct {
+    Splat *list; /* those of a path in the path's order; the paths in any */
+    size_t count, room;
+} Splats;
+
 /* A run of samples: pixels first_pixel … in reading order, for each the samples first_sample …, and where
    they go: radiance[(pixel * sample_count + sample) * 3 + channel]. */
 typedef struct {
     uint64_t seed, first_sample, first_pixel;
     size_t sample_count, pixel_count;
     double *radiance;
+    Splats *splats; /* not NULL: light paths instead, one for each pixel's sample; they go here, radiance stays
+                       as it is */
 } Job;
 
 typedef struct {
     uint64_t rays, shadow_rays;
     int64_t endless; /* a pixel whose path did not end within PATH_LIMIT vertices, or -1 */
+    int64_t unreachable; /* light tracing: a pixel that shows a mirror or glass, or -1 */
 } Counters;
 
 typedef struct {

@@ -1,5 +1,5 @@
-/* Lights: choosing one, choosing a point on it, and the density of both. A light here is what one ray can be
-   sent to: an area light on a cube counts as its six faces. */
+/* Lights: their tables, and the points on them. Which light is chosen is light_choice.h's. A light here is
+   what one ray can be sent to: an area light on a cube counts as its six faces. */
 #ifndef ONERAY_LIGHT_H
 #define ONERAY_LIGHT_H
 
@@ -16,6 +16,33 @@ typedef enum {
     SITE_CONSTANT
 } Site;
 
+/* The lights as a tree, for choosing one by what it may contribute (light_choice.h). Node 0 is the root; the
+   children of a node are next to each other. */
+enum {
+    NODE_CENTER = 0,
+    NODE_RADIUS = 3, /* a ball around the node's lights */
+    NODE_AXIS = 4,
+    NODE_COS = 7,
+    NODE_SIN = 8,    /* a cone around the normals of what shines */
+    NODE_SLACK = 9,  /* how much nearer than the center's the cosine at the light can come, m */
+    NODE_POWER = 10, /* Φ/π of lights at a place, W·sr⁻¹ */
+    NODE_FAR = 11,   /* irradiance of lights without a place, W·m⁻² */
+    NODE_COUNT = 12, /* lights below */
+    NODE_NUMBERS = 13
+};
+enum { LEARNED_NODES = 127 }; /* those nodes, the uppermost, have a learned visibility */
+
+typedef struct {
+    Num *nodes;        /* [node][NODE_NUMBERS] */
+    Int *child;        /* by node: its first child, or -1 - light */
+    Int *trail;        /* by light: the way down to it, bit k set where level k goes to the second child */
+    Num uniform_share; /* how often the choice goes by count instead of by contribution */
+    Num *visible;      /* [region][LEARNED_NODES]: how often the way to the node's lights is free; NULL while
+                          nothing is learned */
+    Num low[3], scale[3]; /* regions: cells of a grid, region i of axis a from low + i/scale */
+    Int size[3];
+} LightTree;
+
 typedef struct {
     int count;
     Int *site;          /* Site, by light, as all below */
@@ -24,56 +51,35 @@ typedef struct {
     Num (*edge_x)[3],
         (*edge_y)[3];        /* flat: half the sides; edge_x of a spot or directional light: its direction */
     Num (*normal)[3];        /* flat: unit normal of the side that shines */
+    Num (*half)[2];          /* lengths of edge_x and edge_y of a rectangle with right angles, else 0 */
     Num *radius;             /* sphere, negative where it shines inwards */
     Num *cutoff, *beam;      /* spot: angles, radians */
-    Num *area_choice;        /* A/p_i, m²: what one sample stands for; 1/p_i where there is no area */
+    Num *area;               /* m²; 1 where there is none */
+    Num *inverse_choice;     /* 1/p_i of the choice by uniform or power */
     Int *slot;               /* the surface it is, -1 for none */
     Num *alias_share;        /* alias table: stay with the light drawn if below this, … */
     Int *alias;              /* … else take this one */
+    LightTree tree;
     Num (*slot_emission)[3]; /* by slot: radiance along the slot's normal, 0 for what is no light */
-    Num *slot_area_choice;   /* by slot: A/p_i */
-    Num environment[3];      /* radiance of the constant light, and its 1/p_i */
-    Num environment_choice;
+    Int *slot_light;         /* by slot: which light it is, 0 for what is none */
+    Num environment[3];      /* radiance of the constant light, and which light it is */
+    Int environment_light;
+    Num world_center[3], world_radius; /* a ball around the scene, which far lights shine on */
 } Lights;
+
+/* The point that light is wanted at: n is the normal on the side that matters, slot what it lies on. */
+typedef struct {
+    Vec p, n;
+    Index slot;
+} Receiver;
 
 typedef struct {
     Vec wi; /* unit vector to the light */
     Real distance;
     Vec weight;         /* emission / (p_i pdf_w): what reaches the point if nothing is in between */
     Real inverse_pdf_w; /* 1/(p_i pdf_w), sr; 0 where no random ray could hit the light */
-    Index slot;
+    Index slot, light;
 } LightSample;
-
-/* The one place where a density per area on a light becomes one per solid angle, pdf_w = p_i/A ·
-   d²/cosθ_light, here its inverse. Sampling a light and weighing a light that was hit both call it. */
-INLINE Real inverse_pdf_w_area(Real area_choice, Real distance_squared, Real cosine)
-{
-    return area_choice * cosine / distance_squared;
-}
-INLINE Real inverse_pdf_w_environment(const Lights *lights)
-{
-    return real(lights->environment_choice) / pdf_w_sphere();
-}
-
-/* L13 Multiple importance sampling: the weight of a direction that was sampled by way of the light, given the
-   ratio of the two densities, w_light = p_light^β / (p_light^β + p_bounce^β), β = 1 balance, β = 2 power. The
-   same direction sampled by the bounce gets 1 - w_light: the two always sum to 1. Veach, Robust Monte Carlo
-   Methods, 1997, 9.2. */
-INLINE Real mis_weight_light(Real bounce_over_light, Features f)
-{
-    Real x = f & USE_BALANCE ? bounce_over_light : bounce_over_light * bounce_over_light;
-    return real(1) / (real(1) + x);
-}
-
-/* L4 N lights with one ray: light i with probability p_i, here by an alias table (Vose 1991), whatever
-   N is. */
-INLINE Index choose_light(const Lights *lights, Real u, Real v, Features f)
-{
-    if (!(f & HAS_MANY_LIGHTS))
-        return index_of(0);
-    Index i = real_floor(u * real(lights->count));
-    return index_select(v < gather(lights->alias_share, i), i, gather_index(lights->alias, i));
-}
 
 /* A light's number or vector; without a choice there is only light 0 and nothing to look up. */
 INLINE Real of_light(const Num *table, Index i, Features f)
@@ -84,18 +90,152 @@ INLINE Vec vec_of_light(Num (*table)[3], Index i, Features f)
 {
     return f & HAS_MANY_LIGHTS ? vec_gather((const Num(*)[3])table, i) : vec_of(table[0]);
 }
+INLINE Index index_of_light(const Int *table, Index i, Features f)
+{
+    return f & HAS_MANY_LIGHTS ? gather_index(table, i) : index_of(table[0]);
+}
 INLINE Mask light_is(const Lights *lights, Site site, Index i, Features f)
 {
-    return (f & HAS_MANY_LIGHTS ? gather_index(lights->site, i) : index_of(lights->site[0]))
-           == index_of(site);
+    return index_of_light(lights->site, i, f) == index_of(site);
 }
 
-/* The spot's share of its intensity at this angle to its axis (radians): 1 within the beam, 0 beyond the
-   cutoff, linear between. */
-INLINE Real spot_falloff(Real angle, Real beam, Real cutoff)
+/* L5 How a sphere light looks from a point: the one decision of inside or outside, which sampling it and its
+   density share. A point of the sphere itself is not outside. */
+typedef struct {
+    Mask outside;
+    Vec axis; /* unit vector to the center */
+    Real distance;
+    Real extent; /* 1 - cosθmax of the cone that it fills, sinθmax = R/d = s: s²/(1 + √((1-s)(1+s))) */
+} SphereView;
+
+INLINE SphereView view_sphere(const Lights *lights, Index i, const Receiver *at, Features f)
 {
-    Real ramp = real_max((cutoff - angle) / (cutoff - beam), real(0));
-    return select(angle <= beam, real(1), ramp);
+    SphereView view;
+    Vec to_center = vec_sub(vec_of_light(lights->position, i, f), at->p);
+    Real radius = real_abs(of_light(lights->radius, i, f));
+    view.distance = vec_length(to_center);
+    view.axis = vec_scale(to_center, real(1) / view.distance);
+    view.outside = light_is(lights, SITE_SPHERE, i, f) & (view.distance > radius)
+                   & (at->slot != index_of_light(lights->slot, i, f));
+    Real s = radius / view.distance;
+    view.extent = s * s / (real(1) + real_sqrt((real(1) - s) * (real(1) + s)));
+    return view;
+}
+
+/* L5 A rectangle as the point sees it, for sampling it uniformly by solid angle: Ureña, Fajardo, King, An
+   Area-Preserving Parametrization for Spherical Rectangles, EGSR 2013. In its own axes around the point it
+   spans x0 … x1, y0 … y1 at height z < 0. Where it looks small, or nearly edge-on, its area serves as well
+   and loses no digits: that is decided here, once, for sampling and density. */
+typedef struct {
+    Mask serves;
+    Real x0, x1, y0, y1, z;
+    Real b0, b1, k;
+    Real solid_angle; /* sr */
+} RectangleView;
+
+#define RECTANGLE_NEAR 4.0 /* (distance / half diagonal)² beyond which it looks small */
+#ifdef SINGLE
+#define LEAST_SOLID_ANGLE 0.05
+#else
+#define LEAST_SOLID_ANGLE 1e-4
+#endif
+
+/* The sum, below 2π, of the two angles in [0, π] whose cosines these are, by one arctangent: the argument of
+   the product of two complex numbers. */
+INLINE Real angle_of_cosines(Real a, Real b)
+{
+    Real sine_a = real_sqrt(real_max((real(1) - a) * (real(1) + a), real(0)));
+    Real sine_b = real_sqrt(real_max((real(1) - b) * (real(1) + b), real(0)));
+    Real y = sine_a * b + a * sine_b, angle = angle_of(real_abs(y), a * b - sine_a * sine_b);
+    return select(y < real(0), real(2) * REAL_PI - angle, angle);
+}
+
+INLINE RectangleView view_rectangle(const Lights *lights, Index i, const Receiver *at, Features f)
+{
+    RectangleView view;
+    const Num *half = &lights->half[0][0];
+    Real half_x = f & HAS_MANY_LIGHTS ? gather(half, i * 2) : real(half[0]);
+    Real half_y = f & HAS_MANY_LIGHTS ? gather(half + 1, i * 2) : real(half[1]);
+    Vec to_center = vec_sub(vec_of_light(lights->position, i, f), at->p);
+    view.serves = (half_x > real(0))
+                  & (vec_dot(to_center, to_center) < real(RECTANGLE_NEAR) * (half_x * half_x + half_y * half_y));
+    if (!any(view.serves))
+        return view;
+    Real x = vec_dot(to_center, vec_of_light(lights->edge_x, i, f)) / half_x;
+    Real y = vec_dot(to_center, vec_of_light(lights->edge_y, i, f)) / half_y;
+    view.z = -real_abs(vec_dot(to_center, vec_of_light(lights->normal, i, f)));
+    view.x0 = x - half_x, view.x1 = x + half_x;
+    view.y0 = y - half_y, view.y1 = y + half_y;
+    Real zz = view.z * view.z;
+    Real n0 = -view.y0 / real_sqrt(zz + view.y0 * view.y0), n1 = view.x1 / real_sqrt(zz + view.x1 * view.x1);
+    Real n2 = view.y1 / real_sqrt(zz + view.y1 * view.y1), n3 = -view.x0 / real_sqrt(zz + view.x0 * view.x0);
+    view.b0 = n0, view.b1 = n2;
+    view.k = real(2) * REAL_PI - angle_of_cosines(-n2 * n3, -n3 * n0);
+    view.solid_angle = angle_of_cosines(-n0 * n1, -n1 * n2) - view.k;
+    view.serves &= view.solid_angle > real(LEAST_SOLID_ANGLE);
+    return view;
+}
+
+/* The point of the rectangle for (u, v): its x from the spherical excess u Ω, its y along the arc there. */
+INLINE void sample_spherical_rectangle(const RectangleView *view, Real u, Real v, Real *x, Real *y)
+{
+    Real sine, cosine, turn = (u * view->solid_angle + view->k) * (real(0.5) * REAL_INV_PI);
+    sincos_turn(turn, &sine, &cosine);
+    Real fu = (cosine * view->b0 - view->b1) / sine;
+    Real cu = flip_sign(real(1) / real_sqrt(fu * fu + view->b0 * view->b0), fu);
+    cu = real_max(real_min(cu, real(1)), real(-1));
+    Real xu = -cu * view->z / real_sqrt((real(1) - cu) * (real(1) + cu));
+    *x = real_max(real_min(xu, view->x1), view->x0);
+    Real d = real_sqrt(*x * *x + view->z * view->z);
+    Real h0 = view->y0 / real_sqrt(d * d + view->y0 * view->y0);
+    Real h1 = view->y1 / real_sqrt(d * d + view->y1 * view->y1);
+    Real h = h0 + v * (h1 - h0);
+    Real yv = h * d / real_sqrt((real(1) - h) * (real(1) + h));
+    *y = real_max(real_min(yv, view->y1), view->y0);
+}
+
+INLINE Vec point_of_rectangle(
+    const Lights *lights, Index i, const RectangleView *view, Real u, Real v, Features f)
+{
+    Real x, y;
+    sample_spherical_rectangle(view, u, v, &x, &y);
+    Real half_x = real(0.5) * (view->x1 - view->x0), half_y = real(0.5) * (view->y1 - view->y0);
+    x = (x - (view->x0 + half_x)) / half_x;
+    y = (y - (view->y0 + half_y)) / half_y;
+    return vec_add(vec_of_light(lights->position, i, f),
+        vec_add(vec_scale(vec_of_light(lights->edge_x, i, f), x),
+            vec_scale(vec_of_light(lights->edge_y, i, f), y)));
+}
+
+/* 1/pdf_w (sr) of the direction to a point of light i, given that light i was chosen; distance and cosine are
+   those of the point on the light. The one place where densities on lights become densities of directions:
+   sampling a light and weighing a light that was hit both call it.
+   By area, pdf_w = 1/A · d²/cosθ_light; the facing half of a sphere has half the area; a cone 2π(1 -
+   cosθmax); a rectangle its solid angle. */
+INLINE Real inverse_pdf_w_point(const Lights *lights, Index i, Real distance_squared, Real cosine,
+    const SphereView *sphere, const RectangleView *rectangle, Features f)
+{
+    Real inverse = of_light(lights->area, i, f) * cosine / distance_squared;
+    if (f & USE_FACING)
+        inverse = select(sphere->outside, real(0.5) * inverse, inverse);
+    if (f & USE_CONE)
+        inverse = select(sphere->outside, real(1) / pdf_w_cone(sphere->extent), inverse);
+    if (f & USE_SOLID_ANGLE)
+        inverse = select(rectangle->serves, rectangle->solid_angle, inverse);
+    return inverse;
+}
+
+/* The same for a light that the ray from `at` has hit. */
+INLINE Real inverse_pdf_w_hit(
+    const Lights *lights, Index i, const Receiver *at, Real distance, Real cosine, Features f)
+{
+    SphereView sphere;
+    RectangleView rectangle;
+    if (f & (USE_FACING | USE_CONE))
+        sphere = view_sphere(lights, i, at, f);
+    if (f & USE_SOLID_ANGLE)
+        rectangle = view_rectangle(lights, i, at, f);
+    return inverse_pdf_w_point(lights, i, distance * distance, cosine, &sphere, &rectangle, f);
 }
 
 /* L2, L3, L5 A uniform point of a flat light or a sphere, and the normal there. */
@@ -124,63 +264,115 @@ INLINE void sample_area(const Lights *lights, Index i, Real u, Real v, Vec *poin
     }
 }
 
-/* L1, L2 Towards a point at a distance: E = I cosθ/d² from a point light (I in W·sr⁻¹: Mitsuba's intensity,
-   the lecture's flux / 4π), from an area light L A cosθ_light cosθ/d². The receiver's cosine is left to the
+/* L5 A uniform point of the half of the sphere that faces the point: none is wasted on the back. */
+INLINE void sample_facing(
+    const Lights *lights, Index i, const SphereView *view, Real u, Real v, Vec *point, Vec *normal, Features f)
+{
+    Real radius = of_light(lights->radius, i, f);
+    Vec direction = vec_from_frame(vec_neg(view->axis), sample_hemisphere_uniform(u, v));
+    Vec on = vec_add(vec_of_light(lights->position, i, f), vec_scale(direction, real_abs(radius)));
+    *point = vec_select(view->outside, on, *point);
+    *normal = vec_select(view->outside, vec_scale(direction, flip_sign(real(1), radius)), *normal);
+}
+
+/* L5 A direction in the cone that the sphere fills, and the distance to the sphere along it, (d-r)(d+r) /
+   (d cosθ + √(r² - d² sin²θ)), which keeps its digits however near the sphere is. */
+INLINE void sample_sphere_cone(
+    const Lights *lights, Index i, const SphereView *view, Real u, Real v, LightSample *s, Features f)
+{
+    Real radius = real_abs(of_light(lights->radius, i, f)), d = view->distance;
+    Vec local = sample_cone(u, v, view->extent);
+    Real across = d * d * (local.x * local.x + local.y * local.y);
+    Real reach = (d - radius) * (d + radius)
+                 / (d * local.z + real_sqrt(real_max(radius * radius - across, real(0))));
+    s->wi = vec_select(view->outside, vec_from_frame(view->axis, local), s->wi);
+    s->distance = select(view->outside, reach, s->distance);
+}
+
+/* The spot's share of its intensity at this angle to its axis (radians): 1 within the beam, 0 beyond the
+   cutoff, linear between. */
+INLINE Real spot_falloff(Real angle, Real beam, Real cutoff)
+{
+    Real ramp = real_max((cutoff - angle) / (cutoff - beam), real(0));
+    return select(angle <= beam, real(1), ramp);
+}
+
+/* The spot's share of its intensity towards -wi. */
+INLINE Real falloff_of(const Lights *lights, Index i, Vec wi, Features f)
+{
+    Vec axis = vec_of_light(lights->edge_x, i, f);
+    Real angle = angle_of(vec_length(vec_cross(axis, wi)), -vec_dot(axis, wi));
+    Real falloff = spot_falloff(angle, of_light(lights->beam, i, f), of_light(lights->cutoff, i, f));
+    return f & HAS_MANY_LIGHTS ? select(light_is(lights, SITE_SPOT, i, f), falloff, real(1)) : falloff;
+}
+
+/* L1, L2 Towards a light at a place: E = I cosθ/d² from a point light (I in W·sr⁻¹: Mitsuba's intensity, the
+   lecture's flux / 4π), from an area light L A cosθ_light cosθ/d². The receiver's cosine is left to the
    caller. */
 INLINE void sample_near_light(
-    const Lights *lights, Index i, Vec p, Real u, Real v, LightSample *s, Features f)
+    const Lights *lights, Index i, const Receiver *at, Real u, Real v, LightSample *s, Features f)
 {
     Vec point = vec_of_light(lights->position, i, f), normal = vec_all(real(0));
+    SphereView sphere;
+    RectangleView rectangle;
     Mask area = mask_none();
     if (f & HAS_AREA) {
-        area = mask_all();
-        if (f & (HAS_POINT | HAS_SPOT | HAS_DIRECTIONAL | HAS_CONSTANT))
-            area = (f & HAS_MANY_LIGHTS ? gather_index(lights->slot, i) : index_of(lights->slot[0])) >= 0;
+        area = index_of_light(lights->slot, i, f) >= 0;
         Vec area_point = point;
         sample_area(lights, i, u, v, &area_point, &normal, f);
         point = vec_select(area, area_point, point);
     }
-    Vec delta = vec_sub(point, p);
-    Real distance_squared = vec_dot(delta, delta), choice = of_light(lights->area_choice, i, f);
+    if (f & (USE_FACING | USE_CONE))
+        sphere = view_sphere(lights, i, at, f);
+    if (f & USE_FACING)
+        sample_facing(lights, i, &sphere, u, v, &point, &normal, f);
+    if (f & USE_SOLID_ANGLE) {
+        rectangle = view_rectangle(lights, i, at, f);
+        if (any(rectangle.serves))
+            point = vec_select(rectangle.serves, point_of_rectangle(lights, i, &rectangle, u, v, f), point);
+    }
+    Vec delta = vec_sub(point, at->p);
+    Real distance_squared = vec_dot(delta, delta);
     s->distance = real_sqrt(distance_squared);
     s->wi = vec_scale(delta, real(1) / s->distance);
     Real cosine = -vec_dot(normal, s->wi);
-    s->inverse_pdf_w = only(area & (cosine > real(0)), inverse_pdf_w_area(choice, distance_squared, cosine));
-    Real share = select(area, s->inverse_pdf_w, choice / distance_squared);
-    if (f & HAS_SPOT) {
-        Mask spot = light_is(lights, SITE_SPOT, i, f);
-        Vec axis = vec_of_light(lights->edge_x, i, f);
-        Real angle = angle_of(vec_length(vec_cross(axis, s->wi)), -vec_dot(axis, s->wi));
-        Real falloff = spot_falloff(angle, of_light(lights->beam, i, f), of_light(lights->cutoff, i, f));
-        share = select(spot, share * falloff, share);
+    Real inverse = inverse_pdf_w_point(lights, i, distance_squared, cosine, &sphere, &rectangle, f);
+    Mask shines = area & (cosine > real(0));
+    if (f & USE_CONE) {
+        sample_sphere_cone(lights, i, &sphere, u, v, s, f);
+        shines = index_select(sphere.outside, of_light(lights->radius, i, f) > real(0), shines);
     }
-    s->weight = vec_all(share);
+    s->inverse_pdf_w = only(shines, inverse);
+    s->weight = vec_all(select(area, s->inverse_pdf_w, real(1) / distance_squared));
+    if (f & HAS_SPOT)
+        s->weight = vec_scale(s->weight, falloff_of(lights, i, s->wi, f));
 }
 
-/* One ray to one light: u[0], u[3] choose the light, u[1], u[2] the point on it. */
-INLINE LightSample sample_light(const Lights *lights, Vec p, const Real u[4], Features f)
+/* One ray to light i: (u, v) is the point on it. */
+INLINE LightSample sample_light_point(
+    const Lights *lights, Index i, Real inverse_choice, const Receiver *at, Real u, Real v, Features f)
 {
-    Index i = choose_light(lights, u[0], u[3], f);
-    LightSample s = {vec_all(real(0)), real(NUM_MAX), vec_all(real(0)), real(0), index_of(-1)};
+    LightSample s = {vec_all(real(0)), real(NUM_MAX), vec_all(real(0)), real(0), index_of(-1), i};
     if (f & (HAS_AREA | HAS_POINT | HAS_SPOT))
-        sample_near_light(lights, i, p, u[1], u[2], &s, f);
+        sample_near_light(lights, i, at, u, v, &s, f);
     if (f & HAS_AREA)
-        s.slot = f & HAS_MANY_LIGHTS ? gather_index(lights->slot, i) : index_of(lights->slot[0]);
+        s.slot = index_of_light(lights->slot, i, f);
     if (f & HAS_DIRECTIONAL) {
         Mask far = light_is(lights, SITE_DIRECTIONAL, i, f);
         s.wi = vec_select(far, vec_neg(vec_of_light(lights->edge_x, i, f)), s.wi);
         s.distance = select(far, real(NUM_MAX), s.distance);
-        s.weight = vec_select(far, vec_all(of_light(lights->area_choice, i, f)), s.weight);
+        s.weight = vec_select(far, vec_all(real(1)), s.weight);
         s.inverse_pdf_w = only(mask_not(far), s.inverse_pdf_w);
     }
     if (f & HAS_CONSTANT) {
         Mask sky = light_is(lights, SITE_CONSTANT, i, f);
-        s.wi = vec_select(sky, sample_sphere(u[1], u[2]), s.wi);
+        s.wi = vec_select(sky, sample_sphere(u, v), s.wi);
         s.distance = select(sky, real(NUM_MAX), s.distance);
-        s.inverse_pdf_w = select(sky, inverse_pdf_w_environment(lights), s.inverse_pdf_w);
+        s.inverse_pdf_w = select(sky, real(1) / pdf_w_sphere(), s.inverse_pdf_w);
         s.weight = vec_select(sky, vec_all(s.inverse_pdf_w), s.weight);
     }
-    s.weight = vec_mul(s.weight, vec_of_light(lights->emission, i, f));
+    s.inverse_pdf_w = s.inverse_pdf_w * inverse_choice;
+    s.weight = vec_scale(vec_mul(s.weight, vec_of_light(lights->emission, i, f)), inverse_choice);
     return s;
 }
 

@@ -1,6 +1,6 @@
 /* Materials, by surface side: each (slot, side) has its own row, so that twosided, flip_normals and a
    one-sided material's black back are a matter of tables. Row 2 slot is the front (along the normal), 2 slot
-   + 1 the back. */
+   + 1 the back; a blend goes on in rows beyond those. */
 #ifndef ONERAY_MATERIAL_H
 #define ONERAY_MATERIAL_H
 
@@ -8,9 +8,15 @@
 #include "shape.h"
 
 typedef struct {
-    Num (*albedo)[3];       /* reflectance of a diffuse, specular_reflectance of a conductor; 0 is black */
+    Num (*albedo)[3];       /* reflectance of a diffuse (times its share of a blend), else
+                               specular_reflectance; 0 is black */
     Int *kind;              /* MaterialKind */
-    Num (*eta)[3], (*k)[3]; /* conductor: complex index of refraction; k < 0 stands for a perfect mirror */
+    Num (*eta)[3], (*k)[3]; /* conductor: complex index of refraction; k < 0 stands for a perfect mirror.
+                               Dielectric: eta[0] is the index on this side over that beyond, k is
+                               specular_transmittance */
+    Num *share;             /* blend: the chance of this row's material, … */
+    Int *next;              /* … else the row to go on with */
+    int layers;             /* rows of the longest blend */
 } Materials;
 
 /* A surface point as its material sees it. */
@@ -20,9 +26,12 @@ typedef struct {
     Real cos_o;
     Index slot;
     Vec albedo;
+    Real share;
     Mask specular; /* its BRDF is a delta: no light can be sampled towards it */
     Index row;
 } Surface;
+
+#define HAS_SPECULAR (HAS_CONDUCTOR | HAS_DIELECTRIC)
 
 INLINE Surface surface_at(
     const Shapes *shapes, const Materials *materials, const Ray *ray, Hit hit, Mask *front, Features f)
@@ -38,31 +47,43 @@ INLINE Surface surface_at(
     s.slot = index_select(hit.slot < 0, index_of(0), hit.slot);
     s.row = s.slot * 2 + index_select(*front, index_of(0), index_of(1));
     s.albedo = vec_gather((const Num(*)[3])materials->albedo, s.row);
-    s.specular = f & HAS_CONDUCTOR ? mask_all() : mask_none();
-    if ((f & HAS_CONDUCTOR) && (f & HAS_DIFFUSE))
-        s.specular = gather_index(materials->kind, s.row) == index_of(MATERIAL_CONDUCTOR);
+    s.share = f & HAS_BLEND ? gather(materials->share, s.row) : real(1);
+    s.specular = f & HAS_SPECULAR ? mask_all() : mask_none();
+    if ((f & HAS_SPECULAR) && (f & HAS_DIFFUSE))
+        s.specular = gather_index(materials->kind, s.row) != index_of(MATERIAL_DIFFUSE);
     return s;
 }
 
-/* The diffuse BRDF, f_r = albedo/π (sr⁻¹), and the pdf per solid angle of sampling a direction with this
-   cosine. */
+/* The diffuse BRDF, f_r = albedo/π (sr⁻¹), the pdf per solid angle of sampling a direction with this cosine,
+   and f_r cosθ / pdf. L8: 2 albedo cosθ for the uniform hemisphere (albedo/π scaled by 2π), L9: albedo for
+   the cosine-weighted. */
 INLINE Vec eval_diffuse(const Surface *s) { return vec_scale(s->albedo, REAL_INV_PI); }
-INLINE Real pdf_w_diffuse(Real cosine, Features f)
+INLINE Real pdf_w_diffuse(const Surface *s, Real cosine, Features f)
 {
-    return f & USE_COSINE ? pdf_w_hemisphere_cosine(cosine) : pdf_w_hemisphere_uniform();
+    Real pdf_w = f & USE_COSINE ? pdf_w_hemisphere_cosine(cosine) : pdf_w_hemisphere_uniform();
+    return f & HAS_BLEND ? pdf_w * s->share : pdf_w;
+}
+INLINE Vec factor_diffuse(const Surface *s, Real cosine, Features f)
+{
+    Vec albedo = f & HAS_BLEND ? vec_scale(s->albedo, real(1) / s->share) : s->albedo;
+    return f & USE_COSINE ? albedo : vec_scale(albedo, real(2) * cosine);
 }
 
-/* L8, L9 One ray over the hemisphere. Returns f_r cosθ / pdf: 2 albedo cosθ for the uniform one (f_r =
-   albedo/π, scaled by 2π), albedo for the cosine-weighted. */
-INLINE Vec sample_diffuse(const Surface *s, Real u, Real v, Vec *wi, Real *pdf_w, Features f)
+/* A direction that the walk goes on by. */
+typedef struct {
+    Vec wi;
+    Vec factor;       /* f_r cosθ / pdf */
+    Real pdf_w;       /* where not specular */
+    Mask specular;    /* a delta chose it */
+    Real compression; /* (η_o/η_i)², what radiance gains by crossing a boundary; 1 if it does not */
+} Scatter;
+
+/* L8, L9 One ray over the hemisphere. */
+INLINE Scatter sample_diffuse(const Surface *s, Real u, Real v, Features f)
 {
-    Vec tangent, bitangent;
-    vec_frame(s->n, &tangent, &bitangent);
     Vec local = f & USE_COSINE ? sample_hemisphere_cosine(u, v) : sample_hemisphere_uniform(u, v);
-    *wi = vec_add(
-        vec_add(vec_scale(tangent, local.x), vec_scale(bitangent, local.y)), vec_scale(s->n, local.z));
-    *pdf_w = pdf_w_diffuse(local.z, f);
-    return f & USE_COSINE ? s->albedo : vec_scale(s->albedo, real(2) * local.z);
+    return (Scatter){vec_from_frame(s->n, local), factor_diffuse(s, local.z, f),
+        pdf_w_diffuse(s, local.z, f), mask_none(), real(1)};
 }
 
 /* Reflectance of a conductor for unpolarised light, one channel, at cosine c to the normal: Born & Wolf,
@@ -78,17 +99,112 @@ INLINE Real fresnel_conductor(Real c, Real eta, Real k)
     return real_max(real(0.5) * s * (real(1) + p), real(0)); /* rounding can pass 0 where η is near 1 */
 }
 
+INLINE Vec mirrored(const Surface *s) { return vec_sub(vec_scale(s->n, real(2) * s->cos_o), s->wo); }
+
 /* L11 The mirror: all of the light from the one direction that reflects into wo. */
-INLINE Vec sample_conductor(const Materials *materials, const Surface *s, Vec *wi, Features f)
+INLINE void sample_conductor(const Materials *materials, const Surface *s, Index row, Vec albedo,
+    Scatter *scatter, Features f)
 {
-    *wi = vec_sub(vec_scale(s->n, real(2) * s->cos_o), s->wo);
+    scatter->wi = mirrored(s);
+    scatter->factor = albedo;
     if (!(f & HAS_FRESNEL))
-        return s->albedo;
-    Vec eta = vec_gather((const Num(*)[3])materials->eta, s->row);
-    Vec k = vec_gather((const Num(*)[3])materials->k, s->row);
+        return;
+    Vec eta = vec_gather((const Num(*)[3])materials->eta, row);
+    Vec k = vec_gather((const Num(*)[3])materials->k, row);
     Vec fresnel = vec(fresnel_conductor(s->cos_o, eta.x, k.x), fresnel_conductor(s->cos_o, eta.y, k.y),
         fresnel_conductor(s->cos_o, eta.z, k.z));
-    return vec_mul(s->albedo, vec_select(k.x < real(0), vec_all(real(1)), fresnel));
+    scatter->factor = vec_mul(albedo, vec_select(k.x < real(0), vec_all(real(1)), fresnel));
+}
+
+/* L15 The cosine beyond a boundary, from the cosine c here and the ratio of the indices, here/beyond: Snell.
+   0 in total internal reflection. */
+INLINE Real refracted_cosine(Real c, Real ratio)
+{
+    return real_sqrt(real_max(real(1) - ratio * ratio * (real(1) - c) * (real(1) + c), real(0)));
+}
+
+/* L15 Reflectance of a boundary between dielectrics for unpolarised light, exact: the mean of
+   ((η_o c - η_t c_t)/(η_o c + η_t c_t))² and the same with η_o and η_t exchanged; 1 in total reflection. */
+INLINE Real fresnel_dielectric(Real c, Real c_t, Real ratio)
+{
+    Real s = (ratio * c - c_t) / (ratio * c + c_t), p = (ratio * c_t - c) / (ratio * c_t + c);
+    return select(c_t > real(0), real(0.5) * (s * s + p * p), real(1));
+}
+
+/* L15 Schlick's approximation as in the lecture, R0 + (1 - R0)(1 - c)⁵, with the cosine on the side of the
+   smaller index. Total reflection is exact. */
+INLINE Real fresnel_schlick(Real c, Real c_t, Real ratio)
+{
+    Real r = (ratio - real(1)) / (ratio + real(1)), x = real(1) - select(ratio > real(1), c_t, c);
+    Real r0 = r * r, xx = x * x;
+    return select(c_t > real(0), r0 + (real(1) - r0) * xx * xx * x, real(1));
+}
+
+/* L15 The smooth boundary between two media: reflection with the chance of its reflectance, else
+   refraction. */
+INLINE void sample_dielectric(const Materials *materials, const Surface *s, Index row, Vec albedo, Real u,
+    Scatter *scatter, Features f)
+{
+    Real ratio = gather(&materials->eta[0][0], row * 3), c = s->cos_o, c_t = refracted_cosine(c, ratio);
+    Real reflectance = f & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
+    Mask reflects = u < reflectance;
+    Vec refracted = vec_sub(vec_scale(s->n, ratio * c - c_t), vec_scale(s->wo, ratio));
+    Vec transmittance = vec_gather((const Num(*)[3])materials->k, row);
+    scatter->wi = vec_select(reflects, mirrored(s), refracted);
+    scatter->factor = vec_select(reflects, albedo, transmittance);
+    scatter->compression = select(reflects, real(1), ratio * ratio);
+}
+
+/* L16 A mixed material: one of its parts, each with its share, "diffuse = 1 - (refl + refr)". The diffuse
+   part is the first row, so that light sampling finds it. */
+INLINE Index choose_layer(const Materials *materials, const Surface *s, Real u)
+{
+    Index row = s->row;
+    Real share = s->share;
+    for (int layer = 1; layer < materials->layers; layer++) {
+        Mask on = u >= share;
+        if (!any(on))
+            break;
+        u = select(on, (u - share) / (real(1) - share), u);
+        row = index_select(on, gather_index(materials->next, row), row);
+        share = select(on, gather(materials->share, row), real(2));
+    }
+    return row;
+}
+
+/* One direction by the material: u[0], u[1] the direction, u[3] the part of a mixed material. */
+INLINE Scatter sample_material(const Materials *materials, const Surface *s, const Real u[4], Features f)
+{
+    Scatter scatter = {s->n, s->albedo, real(0), s->specular, real(1)};
+    if (f & HAS_DIFFUSE)
+        scatter = sample_diffuse(s, u[0], u[1], f);
+    if (!(f & HAS_SPECULAR))
+        return scatter;
+    Index row = s->row;
+    Vec albedo = s->albedo;
+    Mask specular = s->specular;
+    if (f & HAS_BLEND) {
+        row = choose_layer(materials, s, u[3]);
+        albedo = vec_gather((const Num(*)[3])materials->albedo, row);
+        specular = gather_index(materials->kind, row) != index_of(MATERIAL_DIFFUSE);
+    }
+    Scatter delta = scatter;
+    if (f & HAS_CONDUCTOR)
+        sample_conductor(materials, s, row, albedo, &delta, f);
+    if (f & HAS_DIELECTRIC) {
+        Scatter boundary = delta;
+        Mask glass = f & HAS_CONDUCTOR ? gather_index(materials->kind, row) == index_of(MATERIAL_DIELECTRIC)
+                                       : mask_all();
+        sample_dielectric(materials, s, row, albedo, u[0], &boundary, f);
+        delta.wi = vec_select(glass, boundary.wi, delta.wi);
+        delta.factor = vec_select(glass, boundary.factor, delta.factor);
+        delta.compression = select(glass & specular, boundary.compression, delta.compression);
+    }
+    scatter.wi = vec_select(specular, delta.wi, scatter.wi);
+    scatter.factor = vec_select(specular, delta.factor, scatter.factor);
+    scatter.compression = select(specular, delta.compression, scatter.compression);
+    scatter.specular = specular;
+    return scatter;
 }
 
 #endif

@@ -17,7 +17,7 @@ typedef struct {
 typedef struct {
     const char *name, *help;
     int given;
-    Value values[4];
+    Value values[5];
 } Choice;
 
 enum {
@@ -26,7 +26,9 @@ enum {
     CHOICE_LIGHT,
     CHOICE_POINTS,
     CHOICE_MIS,
+    CHOICE_MIS_PDF,
     CHOICE_ROULETTE,
+    CHOICE_FRESNEL,
     CHOICES
 };
 
@@ -34,18 +36,29 @@ static const Choice choices[CHOICES] = {
     {"--estimator", "how light is found", ESTIMATOR_MIS,
         {{"walk", "L7 the random walk alone: light counts where a random ray hits it"},
             {"nee", "L10 next event estimation: a ray to a light at every vertex (L1 to L3, L11, L12)"},
-            {"mis", "L13 both, weighed by multiple importance sampling"}}},
+            {"mis", "L13 both, weighed by multiple importance sampling"},
+            {"light", "L17 light tracing: paths from the lights, each vertex joined to the eye"}}},
     {"--hemisphere", "one ray over the hemisphere", HEMISPHERE_COSINE,
         {{"uniform", "L8 uniform, scaled by 2 pi"}, {"cosine", "L9 in proportion to the cosine"}}},
-    {"--light-choice", "one of N lights, divided by its probability (L4)", LIGHT_CHOICE_POWER,
+    {"--light-choice", "one of N lights, divided by its probability (L4)", LIGHT_CHOICE_CONTRIBUTION,
         {{"uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion"},
-            {"power", "L4 in proportion to the flux"}}},
-    {"--light-points", "where on the light", 0, {{"area", "L2, L3 uniform on its area"}}},
+            {"power", "L4 in proportion to the flux (the default with --estimator light)"},
+            {"contribution", "L6 by flux, distance and cosines; 0 where a light cannot contribute"},
+            {"learned", "L18 that, and what a pre-pass saw of occlusion, L6 situation 2"}}},
+    {"--light-points", "where on the light", LIGHT_POINTS_CONE,
+        {{"area", "L2, L3 uniform on its area"},
+            {"facing", "L5 the half of a sphere that faces the point, twice the density"},
+            {"cone", "L5 the cone that a sphere fills; the solid angle of a rectangle"}}},
     {"--mis", "weights of --estimator mis", MIS_POWER,
         {{"balance", "L13 balance heuristic"}, {"power", "L13 power heuristic, exponent 2"}}},
+    {"--mis-pdf", "density of the walk in them", MIS_PDF_BSDF,
+        {{"bsdf", "L13 of the direction"},
+            {"survival", "L13 of the direction and of surviving roulette, brdfPdf * Psurvive"}}},
     {"--roulette", "how a path ends", ROULETTE_SURVIVAL,
         {{"none", "L19 at max_depth only"},
             {"survival", "L14 from rr_depth on it survives with min(1, throughput)"}}},
+    {"--fresnel", "reflectance of glass", FRESNEL_EXACT,
+        {{"exact", "L15 Fresnel's"}, {"schlick", "L15 Schlick's approximation: another picture, a little wrong"}}},
 };
 
 static const char usage[] =
@@ -79,7 +92,7 @@ static void help(void)
     for (int i = 0; i < CHOICES; i++) {
         printf("  %-22s %s\n", choices[i].name, choices[i].help);
         for (int v = 0; choices[i].values[v].name; v++)
-            printf("      %-8s%c          %s\n", choices[i].values[v].name, v == choices[i].given ? '*' : ' ',
+            printf("      %-12s%c      %s\n", choices[i].values[v].name, v == choices[i].given ? '*' : ' ',
                 choices[i].values[v].help);
     }
     fputs(usage_end, stdout);
@@ -192,16 +205,29 @@ static void with_word(Options *o, int given[CHOICES], const char *name, const ch
         o->lanes = strcmp(word, "auto") ? (int)whole(name, word, 1, 16) : 0;
 }
 
+/* Options of a technique that the estimator has no use for. */
+static void check_technique(const Technique *t, const int given[CHOICES])
+{
+    if ((given[CHOICE_MIS] >= 0 || given[CHOICE_MIS_PDF] >= 0) && t->estimator != ESTIMATOR_MIS)
+        die("%s weighs two ways to find a light: it goes with --estimator mis only",
+            choices[given[CHOICE_MIS] >= 0 ? CHOICE_MIS : CHOICE_MIS_PDF].name);
+    if (t->estimator == ESTIMATOR_WALK && (given[CHOICE_LIGHT] >= 0 || given[CHOICE_POINTS] >= 0))
+        die("--estimator walk sends no ray to a light: %s does nothing there",
+            choices[given[CHOICE_LIGHT] >= 0 ? CHOICE_LIGHT : CHOICE_POINTS].name);
+    if (t->estimator == ESTIMATOR_LIGHT && given[CHOICE_POINTS] >= 0)
+        die("--estimator light starts anywhere on a light: --light-points does nothing there");
+    if (t->estimator == ESTIMATOR_LIGHT && given[CHOICE_LIGHT] >= LIGHT_CHOICE_CONTRIBUTION)
+        die("--estimator light chooses a light before it knows where it shines: --light-choice uniform or power");
+    if (t->mis_pdf == MIS_PDF_SURVIVAL && t->roulette == ROULETTE_NONE)
+        die("--mis-pdf survival: with --roulette none every path survives");
+}
+
 /* What can be seen to make no sense before the scene is read. `given` is -1 for an option that was not. */
 static void check_given(Options *o, const int given[CHOICES])
 {
     if (!o->scene)
         die("a scene is wanted: oneray SCENE.xml -o OUT.exr (--help tells more)");
-    if (given[CHOICE_MIS] >= 0 && o->technique.estimator != ESTIMATOR_MIS)
-        die("--mis weighs two ways to find a light: it goes with --estimator mis only");
-    if (o->technique.estimator == ESTIMATOR_WALK && (given[CHOICE_LIGHT] >= 0 || given[CHOICE_POINTS] >= 0))
-        die("--estimator walk sends no ray to a light: %s does nothing there",
-            choices[given[CHOICE_LIGHT] >= 0 ? CHOICE_LIGHT : CHOICE_POINTS].name);
+    check_technique(&o->technique, given);
     if (o->spp && o->seconds > 0)
         die("--spp and --time: give one of them");
     if ((o->sample_count != 0) != (o->film != NULL))
@@ -268,10 +294,20 @@ Options options_read(int count, char **words)
     int value[CHOICES];
     for (int i = 0; i < CHOICES; i++)
         value[i] = given[i] < 0 ? choices[i].given : given[i];
+    if (value[CHOICE_ESTIMATOR] == ESTIMATOR_LIGHT && given[CHOICE_LIGHT] < 0)
+        value[CHOICE_LIGHT] = LIGHT_CHOICE_POWER;
     o.technique = (Technique){(Estimator)value[CHOICE_ESTIMATOR], (Hemisphere)value[CHOICE_HEMISPHERE],
-        (LightChoice)value[CHOICE_LIGHT], (MisHeuristic)value[CHOICE_MIS], (Roulette)value[CHOICE_ROULETTE]};
+        (LightChoice)value[CHOICE_LIGHT], (LightPoints)value[CHOICE_POINTS], (MisHeuristic)value[CHOICE_MIS],
+        (MisPdf)value[CHOICE_MIS_PDF], (Roulette)value[CHOICE_ROULETTE], (Fresnel)value[CHOICE_FRESNEL]};
     check_given(&o, given);
     return o;
+}
+
+/* L17 light tracing: what it cannot render, as far as the scene says so. */
+static void check_light_paths(const Options *options, const Description *scene)
+{
+    if (options->technique.estimator == ESTIMATOR_LIGHT && scene->hide_emitters)
+        die("%s: hide_emitters is not supported with --estimator light", options->scene);
 }
 
 /* Would a path in a closed scene never be cut short? Only where a material absorbs nothing. */
@@ -280,7 +316,7 @@ static const Material *absorbs_nothing(const Description *scene)
     for (int i = 0; i < scene->material_count; i++) {
         const Material *m = &scene->materials[i];
         for (int c = 0; c < 3; c++)
-            if (m->reflectance[c] >= 1 && !m->fresnel)
+            if (m->kind != MATERIAL_BLEND && m->reflectance[c] >= 1 && !m->fresnel)
                 return m;
     }
     return NULL;
@@ -298,6 +334,7 @@ void options_check(const Options *options, const Description *scene)
                 "missing; use nee or mis",
                 kinds[light->kind]);
     }
+    check_light_paths(options, scene);
     if (scene->max_depth < 0 && options->technique.roulette == ROULETTE_NONE)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;
@@ -307,15 +344,24 @@ void options_check(const Options *options, const Description *scene)
             options->scene, endless->line);
 }
 
+/* Does this choice change anything with this estimator? */
+static bool says_something(int choice, Estimator estimator)
+{
+    switch (choice) {
+    case CHOICE_MIS:
+    case CHOICE_MIS_PDF: return estimator == ESTIMATOR_MIS;
+    case CHOICE_LIGHT: return estimator != ESTIMATOR_WALK;
+    case CHOICE_POINTS: return estimator == ESTIMATOR_NEE || estimator == ESTIMATOR_MIS;
+    default: return true;
+    }
+}
+
 void options_technique(const Technique *t, char *text, int size)
 {
-    const int value[CHOICES] = {
-        (int)t->estimator, (int)t->hemisphere, (int)t->light_choice, 0, (int)t->mis, (int)t->roulette};
-    for (int i = 0, used = 0; i < CHOICES; i++) {
-        if ((i == CHOICE_MIS && t->estimator != ESTIMATOR_MIS)
-            || (t->estimator == ESTIMATOR_WALK && (i == CHOICE_LIGHT || i == CHOICE_POINTS)))
-            continue;
-        used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", choices[i].name,
-            choices[i].values[value[i]].name);
-    }
+    const int value[CHOICES] = {(int)t->estimator, (int)t->hemisphere, (int)t->light_choice,
+        (int)t->light_points, (int)t->mis, (int)t->mis_pdf, (int)t->roulette, (int)t->fresnel};
+    for (int i = 0, used = 0; i < CHOICES; i++)
+        if (says_something(i, t->estimator))
+            used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", choices[i].name,
+                choices[i].values[value[i]].name);
 }

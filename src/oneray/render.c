@@ -52,12 +52,31 @@ typedef struct {
 
 static void check_endless(const Render *r)
 {
+    if (r->counters->unreachable >= 0)
+        die("%s: pixel (%lld, %lld) shows a mirror or glass: no light path can be joined to the eye there; "
+            "--estimator light wants such surfaces out of view",
+            r->options->scene, (long long)(r->counters->unreachable % r->film->width),
+            (long long)(r->counters->unreachable / r->film->width));
     if (r->counters->endless >= 0)
         die("%s: pixel (%lld, %lld): a path did not end within 1000000 vertices: the scene is closed and "
             "absorbs "
             "nothing; give it a max_depth",
             r->options->scene, (long long)(r->counters->endless % r->film->width),
             (long long)(r->counters->endless / r->film->width));
+}
+
+/* Ends the program over a sample that is no radiance. */
+NORETURN static void die_of(const Render *r, size_t pixel, uint64_t sample, const double radiance[3])
+{
+    size_t width = (size_t)r->film->width;
+    for (int c = 0; c < 3; c++)
+        if (radiance[c] > DBL_MAX)
+            die("%s: pixel (%zu, %zu): radiance overflows %s precision", r->options->scene, pixel % width,
+                pixel / width, r->options->precision);
+    die("%s: pixel (%zu, %zu), sample %llu, seed %llu: radiance (%g, %g, %g) is no radiance: a bug, please "
+        "report it",
+        r->options->scene, pixel % width, pixel / width, (unsigned long long)sample,
+        (unsigned long long)r->options->seed, radiance[0], radiance[1], radiance[2]);
 }
 
 static double fraction_done(const Render *r, uint64_t samples, double of_next, double next)
@@ -78,7 +97,7 @@ static void render_block(Render *r, uint64_t first, int level)
     double(*nodes)[6] = allocate(samples, sizeof *nodes);
     for (size_t pixel = 0; pixel < pixels; pixel += at_once) {
         size_t count = pixels - pixel < at_once ? pixels - pixel : at_once;
-        Job job = {r->options->seed, first, pixel, samples, count, radiance};
+        Job job = {r->options->seed, first, pixel, samples, count, radiance, NULL};
         r->kernel->render(r->prepared, &job, r->counters, r->options->generic);
         check_endless(r);
         for (size_t i = 0; i < count; i++) {
@@ -86,17 +105,7 @@ static void render_block(Render *r, uint64_t first, int level)
             memcpy(layer.pixels + 6 * (pixel + i), nodes[0], sizeof nodes[0]);
             if (bad < 0)
                 continue;
-            const double *sample = radiance + 3 * (i * samples + (size_t)bad);
-            if (sample[0] > DBL_MAX || sample[1] > DBL_MAX || sample[2] > DBL_MAX)
-                die("%s: pixel (%zu, %zu): radiance overflows %s precision", r->options->scene,
-                    (pixel + i) % (size_t)r->film->width, (pixel + i) / (size_t)r->film->width,
-                    r->options->precision);
-            die("%s: pixel (%zu, %zu), sample %llu, seed %llu: radiance (%g, %g, %g) is no radiance: a bug, "
-                "please "
-                "report it",
-                r->options->scene, (pixel + i) % (size_t)r->film->width, (pixel + i) / (size_t)r->film->width,
-                (unsigned long long)first + (unsigned long long)bad, (unsigned long long)r->options->seed,
-                sample[0], sample[1], sample[2]);
+            die_of(r, pixel + i, first + (uint64_t)bad, radiance + 3 * (i * samples + (size_t)bad));
         }
         double done = (double)(pixel + count) / (double)pixels;
         progress_show(&r->progress, ((double)film_samples(r->film) + done * (double)samples) * (double)pixels,
@@ -105,6 +114,56 @@ static void render_block(Render *r, uint64_t first, int level)
     free(nodes);
     free(radiance);
     film_add(r->film, layer);
+}
+
+/* Adds what the job's light paths gave to the pixels, path after path, in whatever order the lanes came. */
+static void add_splats(const Splats *splats, size_t paths, double *radiance)
+{
+    size_t *next = allocate(paths + 1, sizeof *next);
+    const Splat **sorted = allocate(splats->count, sizeof *sorted);
+    for (size_t i = 0; i < splats->count; i++)
+        next[splats->list[i].path + 1]++;
+    for (size_t path = 0; path < paths; path++)
+        next[path + 1] += next[path];
+    for (size_t i = 0; i < splats->count; i++)
+        sorted[next[splats->list[i].path]++] = &splats->list[i];
+    for (size_t i = 0; i < splats->count; i++)
+        for (int c = 0; c < 3; c++)
+            radiance[3 * sorted[i]->pixel + (size_t)c] += sorted[i]->radiance[c];
+    free(sorted);
+    free(next);
+}
+
+/* L17 One more pass of light tracing: a light path and a camera ray for each pixel, the ray for the light that
+   the eye sees itself (L12). What falls on a pixel in one pass is one sample of it. */
+static void render_pass(Render *r, uint64_t sample)
+{
+    size_t pixels = (size_t)r->film->width * (size_t)r->film->height;
+    Layer layer = {0, sample, allocate(pixels, 6 * sizeof(double))};
+    double *radiance = allocate(pixels, 3 * sizeof *radiance);
+    for (size_t pixel = 0; pixel < pixels; pixel += JOB_SAMPLES) {
+        size_t count = pixels - pixel < JOB_SAMPLES ? pixels - pixel : JOB_SAMPLES;
+        Job job = {r->options->seed, sample, pixel, 1, count, radiance + 3 * pixel, NULL};
+        r->kernel->render(r->prepared, &job, r->counters, r->options->generic);
+        check_endless(r);
+    }
+    Splats splats = {NULL, 0, 0};
+    for (size_t pixel = 0; pixel < pixels; pixel += JOB_SAMPLES) {
+        size_t count = pixels - pixel < JOB_SAMPLES ? pixels - pixel : JOB_SAMPLES;
+        Job job = {r->options->seed, sample, pixel, 1, count, NULL, &splats};
+        splats.count = 0;
+        r->kernel->render(r->prepared, &job, r->counters, r->options->generic);
+        check_endless(r);
+        add_splats(&splats, count, radiance);
+    }
+    free(splats.list);
+    for (size_t pixel = 0; pixel < pixels; pixel++)
+        if (film_reduce(radiance + 3 * pixel, 0, (double(*)[6])(layer.pixels + 6 * pixel)) >= 0)
+            die_of(r, pixel, sample, radiance + 3 * pixel);
+    free(radiance);
+    film_add(r->film, layer);
+    progress_show(&r->progress, (double)film_samples(r->film) * (double)pixels,
+        fraction_done(r, film_samples(r->film), 0, 0));
 }
 
 /* How many more samples the time allows, by the pace so far; at least one altogether. */
@@ -129,13 +188,16 @@ void render(const Options *options, const Description *scene, const Kernel *kern
                                          : (uint64_t)scene->sample_count;
     r.progress.shown = !options->quiet && isatty(STDERR_FILENO);
     r.progress.started = seconds_now();
-    counters->endless = -1;
+    counters->endless = counters->unreachable = -1;
     for (uint64_t done = 0;; done = film_samples(film)) {
         uint64_t left = r.wanted ? r.wanted - done : samples_in_time(&r, done);
         if (left == 0)
             break;
         uint64_t first = options->first_sample + done;
-        render_block(&r, first, film_block_level(first, left));
+        if (options->technique.estimator == ESTIMATOR_LIGHT)
+            render_pass(&r, first);
+        else
+            render_block(&r, first, film_block_level(first, left));
     }
     if (!r.wanted)
         progress_show(&r.progress, (double)film_samples(film) * film->width * film->height, 1);

@@ -33,6 +33,16 @@ INLINE Vec sample_sphere(Real u, Real v)
 }
 INLINE Real pdf_w_sphere(void) { return real(0.25) * REAL_INV_PI; }
 
+/* L5 The cone 1 - cosθ <= extent about +z, uniform by solid angle, pdf 1/(2π extent). In 1 - cosθ, which keeps
+   its digits in cones however narrow: x = u extent, cosθ = 1 - x, sinθ = √(x (2 - x)). */
+INLINE Vec sample_cone(Real u, Real v, Real extent)
+{
+    Real sine, cosine, x = u * extent, r = real_sqrt(x * (real(2) - x));
+    sincos_turn(v, &sine, &cosine);
+    return vec(r * cosine, r * sine, real(1) - x);
+}
+INLINE Real pdf_w_cone(Real extent) { return real(0.5) * REAL_INV_PI / extent; }
+
 /* The square [-1,1]² and the unit disk, uniform by area. */
 INLINE void sample_square(Real u, Real v, Real *x, Real *y)
 {

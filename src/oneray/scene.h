@@ -3,7 +3,7 @@
 #define ONERAY_SCENE_H
 
 #include "camera.h"
-#include "light.h"
+#include "learn.h"
 #include "material.h"
 
 typedef struct {
@@ -12,8 +12,11 @@ typedef struct {
     Lights lights;
     Camera camera;
     Int max_depth, rr_depth;            /* max_depth of a scene without limit is PATH_LIMIT */
-    int width;
+    int width, height;
+    Lesson *lesson; /* while the visibility of lights is being learned, else NULL */
     Features features;
+    void **kept; /* every table above, to be freed */
+    int kept_count;
 } Scene;
 
 /* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut. */

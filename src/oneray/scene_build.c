@@ -98,7 +98,53 @@ static void read_conductor(Builder *builder, Node *node)
     node->front = add_material(builder->description, material);
 }
 
+static void read_dielectric(Builder *builder, Node *node)
+{
+    Material material = {.kind = MATERIAL_DIELECTRIC, .reflectance = {1, 1, 1}, .transmittance = {1, 1, 1},
+        .line = node->line};
+    double inside = 0, outside = 0;
+    enum { INSIDE, OUTSIDE, REFLECTANCE, TRANSMITTANCE };
+    Property properties[] = {
+        [INSIDE] = {"int_ior", AS_IOR, &inside, "(0,1000]", NULL},
+        [OUTSIDE] = {"ext_ior", AS_IOR, &outside, "(0,1000]", NULL},
+        [REFLECTANCE] = {"specular_reflectance", AS_COLOUR, material.reflectance, "[0,1]", NULL},
+        [TRANSMITTANCE] = {"specular_transmittance", AS_COLOUR, material.transmittance, "[0,1]", NULL},
+    };
+    read_properties(node, properties, COUNT(properties), "");
+    if (!properties[INSIDE].node || !properties[OUTSIDE].node)
+        fail(node, "<bsdf type=\"dielectric\"> needs both int_ior and ext_ior (as <float>, or by name)");
+    material.ior = inside / outside;
+    node->front = node->back = add_material(builder->description, material);
+}
+
 static void read_bsdf(Builder *builder, Node *node, int *front, int *back);
+
+/* L16 weight is the share of the second bsdf; each side of the surface has its own blend. */
+static void read_blend(Builder *builder, Node *node)
+{
+    Material blend = {.kind = MATERIAL_BLEND, .weight = 0.5, .line = node->line};
+    int count = 0, front[2], back[2];
+    Property properties[] = {{"weight", AS_FLOAT, &blend.weight, "[0,1]", NULL}};
+    read_properties(node, properties, COUNT(properties), "bsdf ref");
+    for (Node *child = node->first; child; child = child->next) {
+        if (strcmp(child->tag, "bsdf") != 0 && strcmp(child->tag, "ref") != 0)
+            continue;
+        if (count == 2)
+            fail(child, "<bsdf type=\"blendbsdf\"> has a third bsdf: nest another blendbsdf for three");
+        read_bsdf(builder, child, &front[count], &back[count]);
+        count++;
+    }
+    if (count < 2)
+        fail(node, "<bsdf type=\"blendbsdf\"> needs two bsdfs inside");
+    if (!properties[0].node)
+        fail(node, "<bsdf type=\"blendbsdf\"> needs <float name=\"weight\" value=\"0.5\"/>, the second's share");
+    blend.first = front[0], blend.second = front[1];
+    node->front = add_material(builder->description, blend);
+    if (back[0] == MATERIAL_NONE && back[1] == MATERIAL_NONE)
+        return;
+    blend.first = back[0], blend.second = back[1];
+    node->back = add_material(builder->description, blend);
+}
 
 /* One nested bsdf is on both sides; of two, the first is on the side of the normal. */
 static void read_twosided(Builder *builder, Node *node)
@@ -110,7 +156,7 @@ static void read_twosided(Builder *builder, Node *node)
             fail(child, "<bsdf type=\"twosided\"> has a third bsdf (one for both sides, or two)");
         read_bsdf(builder, child, &nested[count++], &behind);
         if (behind != MATERIAL_NONE)
-            fail(child, "<bsdf type=\"twosided\"> cannot hold another twosided");
+            fail(child, "<bsdf type=\"twosided\"> cannot hold a bsdf that has a back side (twosided, dielectric)");
     }
     if (!count)
         fail(node, "<bsdf type=\"twosided\"> needs a bsdf inside (one for both sides, or two)");
@@ -119,7 +165,8 @@ static void read_twosided(Builder *builder, Node *node)
 }
 
 static const Plugin bsdfs[] = {
-    {"diffuse", read_diffuse}, {"conductor", read_conductor}, {"twosided", read_twosided},
+    {"diffuse", read_diffuse}, {"conductor", read_conductor}, {"dielectric", read_dielectric},
+    {"blendbsdf", read_blend}, {"twosided", read_twosided},
 };
 
 /* The materials on the two sides of a surface with this <bsdf>, or with the one that a <ref> means. */

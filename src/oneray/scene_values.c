@@ -17,7 +17,7 @@ static const char SEPARATORS[] = " ,\t\r\n";      /* between numbers */
 static const char *const elements_of_kind[] = {
     [AS_FLOAT] = "<float> or <integer>", [AS_COLOUR] = "<rgb>, <float> or <integer>",
     [AS_VECTOR] = "<point> or <vector>", [AS_INTEGER] = "<integer>", [AS_BOOLEAN] = "<boolean>",
-    [AS_STRING] = "<string>", [AS_TRANSFORM] = "<transform>",
+    [AS_IOR] = "<float>, <integer> or <string>", [AS_STRING] = "<string>", [AS_TRANSFORM] = "<transform>",
 };
 
 static bool gives(const Node *node, PropertyKind kind)
@@ -299,6 +299,35 @@ static void check_choice(const Property *property, const char *value)
     fail(property->node, "\"%s\" = \"%.80s\" is not supported (%s)", property->name, value, list.text);
 }
 
+/* Indices of refraction by Mitsuba's names, at 589.3 nm. */
+static const struct {
+    const char *name;
+    double ior;
+} media[] = {
+    {"vacuum", 1}, {"helium", 1.000036}, {"hydrogen", 1.000132}, {"air", 1.000277},
+    {"carbon dioxide", 1.00045}, {"water", 1.3330}, {"acetone", 1.36}, {"ethanol", 1.361},
+    {"carbon tetrachloride", 1.461}, {"glycerol", 1.4729}, {"benzene", 1.501}, {"silicone oil", 1.52045},
+    {"bromine", 1.661}, {"water ice", 1.31}, {"fused quartz", 1.458}, {"pyrex", 1.470},
+    {"acrylic glass", 1.49}, {"polypropylene", 1.49}, {"bk7", 1.5046}, {"sodium chloride", 1.544},
+    {"amber", 1.55}, {"pet", 1.5750}, {"diamond", 2.419},
+};
+
+/* An index of refraction: a number, or as <string> the name of a medium. */
+static double parse_ior(const Node *node, const char *text)
+{
+    Text list = {0};
+    if (strcmp(node->tag, "string") != 0)
+        return parse_real(node, text);
+    for (int i = 0; i < COUNT(media); i++)
+        if (strcmp(media[i].name, text) == 0)
+            return media[i].ior;
+    for (int i = 0; i < COUNT(media); i++) {
+        append(&list, i ? ", " : "", i ? 2 : 0);
+        append(&list, media[i].name, strlen(media[i].name));
+    }
+    fail(node, "no medium is called \"%.80s\" (%s)", text, list.text);
+}
+
 static void read_property(const Property *property)
 {
     const Node *node = property->node;
@@ -308,6 +337,10 @@ static void read_property(const Property *property)
     switch (property->kind) {
     case AS_FLOAT:
         numbers[0] = parse_real(node, text);
+        numbers_read = 1;
+        break;
+    case AS_IOR:
+        numbers[0] = parse_ior(node, text);
         numbers_read = 1;
         break;
     case AS_COLOUR:

@@ -44,7 +44,9 @@ void append(Text *text, const char *piece, size_t length);
 void append_words(Text *text, const char *before, const char *words, const char *after);   /* by commas */
 const char *find_word(const char *list, const char *word);    /* in "some words needed!", or NULL */
 
-typedef enum { AS_FLOAT, AS_COLOUR, AS_VECTOR, AS_INTEGER, AS_BOOLEAN, AS_STRING, AS_TRANSFORM } PropertyKind;
+typedef enum {
+    AS_FLOAT, AS_IOR, AS_COLOUR, AS_VECTOR, AS_INTEGER, AS_BOOLEAN, AS_STRING, AS_TRANSFORM
+} PropertyKind;
 
 /* A property that an element may have. What is there before it is read is the default. */
 typedef struct {

@@ -5,18 +5,29 @@
 
 #include <stdint.h>
 
-typedef enum { ESTIMATOR_WALK, ESTIMATOR_NEE, ESTIMATOR_MIS } Estimator;      /* L7; L10; L13 */
-typedef enum { HEMISPHERE_UNIFORM, HEMISPHERE_COSINE } Hemisphere;            /* L8; L9 */
-typedef enum { LIGHT_CHOICE_UNIFORM, LIGHT_CHOICE_POWER } LightChoice;        /* L4 */
-typedef enum { MIS_BALANCE, MIS_POWER } MisHeuristic;                         /* L13 */
-typedef enum { ROULETTE_NONE, ROULETTE_SURVIVAL } Roulette;                   /* L19; L14 */
+typedef enum { ESTIMATOR_WALK, ESTIMATOR_NEE, ESTIMATOR_MIS, ESTIMATOR_LIGHT } Estimator; /* L7; L10; L13; L17 */
+typedef enum { HEMISPHERE_UNIFORM, HEMISPHERE_COSINE } Hemisphere;                       /* L8; L9 */
+typedef enum {
+    LIGHT_CHOICE_UNIFORM,      /* L4 */
+    LIGHT_CHOICE_POWER,        /* L4 */
+    LIGHT_CHOICE_CONTRIBUTION, /* L6 */
+    LIGHT_CHOICE_LEARNED       /* L18 */
+} LightChoice;
+typedef enum { LIGHT_POINTS_AREA, LIGHT_POINTS_FACING, LIGHT_POINTS_CONE } LightPoints; /* L3, L5 */
+typedef enum { MIS_BALANCE, MIS_POWER } MisHeuristic;                                    /* L13 */
+typedef enum { MIS_PDF_BSDF, MIS_PDF_SURVIVAL } MisPdf;                                  /* L13 */
+typedef enum { ROULETTE_NONE, ROULETTE_SURVIVAL } Roulette;                              /* L19; L14 */
+typedef enum { FRESNEL_EXACT, FRESNEL_SCHLICK } Fresnel;                                 /* L15 */
 
 typedef struct {
     Estimator estimator;
     Hemisphere hemisphere;
     LightChoice light_choice;
+    LightPoints light_points;
     MisHeuristic mis;
+    MisPdf mis_pdf;
     Roulette roulette;
+    Fresnel fresnel;
 } Technique;
 
 /* The feature mask: bit by bit, what a scene has and a technique uses. A kernel instance is compiled for a
@@ -26,15 +37,22 @@ typedef struct {
     X(HAS_ALIGNED,         "rectangle along the axes") \
     X(HAS_SPHERE,          "sphere")             X(HAS_CUBE,         "cube") \
     X(HAS_DIFFUSE,         "diffuse")            X(HAS_CONDUCTOR,    "conductor") \
-    X(HAS_FRESNEL,         "Fresnel")            X(HAS_AREA,         "area light") \
+    X(HAS_FRESNEL,         "Fresnel of metals")  X(HAS_DIELECTRIC,   "dielectric") \
+    X(HAS_BLEND,           "blend of materials") X(HAS_AREA,         "area light") \
     X(HAS_FLAT_LIGHT,      "flat light")         X(HAS_SPHERE_LIGHT, "sphere light") \
     X(HAS_POINT,           "point light")        X(HAS_SPOT,         "spot light") \
     X(HAS_DIRECTIONAL,     "directional light")  X(HAS_CONSTANT,     "environment") \
     X(HAS_MANY_LIGHTS,     "light choice")       X(HAS_HIDDEN,       "hidden emitters") \
     X(USE_NEE,             "next event estimation") \
     X(USE_MIS,             "multiple importance sampling") \
-    X(USE_BALANCE,         "balance heuristic")  X(USE_COSINE,       "cosine hemisphere") \
-    X(USE_ROULETTE,        "roulette")
+    X(USE_BALANCE,         "balance heuristic")  X(USE_SURVIVAL_PDF, "survival in the pdf of MIS") \
+    X(USE_CONTRIBUTION,    "light choice by contribution") \
+    X(USE_LEARNED,         "learned light choice") \
+    X(USE_FACING,          "facing half of sphere lights") \
+    X(USE_CONE,            "cone of sphere lights") \
+    X(USE_SOLID_ANGLE,     "solid angle of rectangle lights") \
+    X(USE_COSINE,          "cosine hemisphere")  X(USE_ROULETTE,     "roulette") \
+    X(USE_SCHLICK,         "Schlick's Fresnel")  X(USE_LIGHT_PATHS,  "light tracing")
 
 enum {
 #define X(name, words) BIT_##name,
@@ -43,7 +61,7 @@ enum {
     FEATURE_COUNT
 };
 
-typedef uint32_t Features;
+typedef uint64_t Features;
 
 #define X(name, words) static const Features name __attribute__((unused)) = (Features)1 << BIT_##name;
 FEATURES(X)
@@ -51,7 +69,10 @@ FEATURES(X)
 
 /* The bits that choose between two ways, where an instance must have what is asked for and no more; of the
    others an instance may have more than the scene needs. */
-#define EITHER_WAY (USE_NEE | USE_MIS | USE_BALANCE | USE_COSINE | USE_ROULETTE | HAS_HIDDEN)
+#define EITHER_WAY                                                                                           \
+    (USE_NEE | USE_MIS | USE_BALANCE | USE_SURVIVAL_PDF | USE_CONTRIBUTION | USE_LEARNED | USE_FACING        \
+        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_ROULETTE | USE_SCHLICK | USE_LIGHT_PATHS             \
+        | HAS_HIDDEN)
 #define EVERY_FEATURE (((Features)1 << FEATURE_COUNT) - 1)
 
 #endif

@@ -49,4 +49,12 @@ INLINE void vec_frame(Vec n, Vec *s, Vec *t)
     *t = vec(b, sign + n.y * n.y * a, -n.y);
 }
 
+/* From the frame whose z is the unit vector n to the world. */
+INLINE Vec vec_from_frame(Vec n, Vec local)
+{
+    Vec s, t;
+    vec_frame(n, &s, &t);
+    return vec_add(vec_add(vec_scale(s, local.x), vec_scale(t, local.y)), vec_scale(n, local.z));
+}
+
 #endif

@@ -1,0 +1,149 @@
+/* L4, L6, L18 One of N lights: light i with probability p_i, its contribution divided by p_i. Any p_i is valid
+   as long as they sum to 1 and none is 0 whose light contributes. */
+#ifndef ONERAY_LIGHT_CHOICE_H
+#define ONERAY_LIGHT_CHOICE_H
+
+#include "light.h"
+
+#ifdef SINGLE
+#define NEAREST 1e-15 /* a light at the very point: its square is still above 0 */
+#else
+#define NEAREST 1e-120
+#endif
+
+/* What the lights below a node can contribute at most, roughly: E ≈ Φ/π cosθi cosθo / d², each cosine the best
+   that the node's ball and cone allow. It is 0 only where both facts are certain: below the receiver's
+   horizon, or behind every normal. Conty Estévez & Kulla, Importance Sampling of Many Lights with Adaptive
+   Tree Splitting, HPG 2018. */
+INLINE Real node_importance(const LightTree *tree, Index node, const Receiver *at)
+{
+    const Num *first = tree->nodes;
+    Index row = node * NODE_NUMBERS;
+#define NODE(what) gather(first + (what), row)
+    Vec to_center = vec_sub(vec(NODE(NODE_CENTER), NODE(NODE_CENTER + 1), NODE(NODE_CENTER + 2)), at->p);
+    Vec axis = vec(NODE(NODE_AXIS), NODE(NODE_AXIS + 1), NODE(NODE_AXIS + 2));
+    Real radius = NODE(NODE_RADIUS), cone = NODE(NODE_COS);
+    Real distance = real_max(vec_length(to_center), real(NEAREST));
+    Real reach = real_max(distance, radius), inverse = real(1) / distance;
+    Real cos_i = real_min((vec_dot(at->n, to_center) + radius) / reach, real(1));
+    Real c = -vec_dot(axis, to_center) * inverse;
+    Real nearest = c * cone + real_sqrt(real_max((real(1) - c) * (real(1) + c), real(0))) * NODE(NODE_SIN);
+    Real cos_o = select(c >= cone, real(1), nearest) + NODE(NODE_SLACK) * inverse;
+    Real cosines = real_max(cos_i, real(0)) * real_max(real_min(cos_o, real(1)), real(0));
+    return NODE(NODE_FAR) + NODE(NODE_POWER) * cosines / (reach * reach);
+#undef NODE
+}
+
+/* L18 The region of space that a point lies in. */
+INLINE Index region_of(const LightTree *tree, Vec p)
+{
+    const Real position[3] = {p.x, p.y, p.z};
+    Index region = index_of(0);
+    for (int axis = 0; axis < 3; axis++) {
+        Real cell = (position[axis] - real(tree->low[axis])) * real(tree->scale[axis]);
+        cell = real_max(real_min(cell, real((double)tree->size[axis] - 0.5)), real(0));
+        region = region * tree->size[axis] + real_floor(cell);
+    }
+    return region;
+}
+
+/* L18 What was learned of a node: how often a light below it was seen from this region. */
+INLINE Real learned_visibility(const LightTree *tree, Index region, Index node)
+{
+    Mask known = node < index_of(LEARNED_NODES);
+    Index at = region * LEARNED_NODES + index_select(known, node, index_of(0));
+    return select(known, gather(tree->visible, at), real(1));
+}
+
+/* L6 Down the tree to one light, by the children's importance or, with uniform_share, by their counts, either
+   way never into a child of importance 0: p_i = (1 - share) p_contribution + share p_count. `trail`, where a
+   lane follows it, says which light to go to: what is wanted is then its probability. Returns 1/p_i. */
+INLINE Real walk_tree(
+    const LightTree *tree, const Receiver *at, Mask follow, Index trail, Real u, Real v, Index *light, Features f)
+{
+    Real share = real(tree->uniform_share), p_count = real(1), p_contribution = real(1);
+    Mask by_count = u < share;
+    u = select(by_count, u / share, (u - share) / (real(1) - share));
+    Index node = index_of(0), child = index_of(tree->child[0]), region = index_of(0);
+    if (f & USE_LEARNED)
+        region = region_of(tree, at->p);
+    for (Mask inner = child >= 0; any(inner); inner = child >= 0) {
+        Index first = index_select(inner, child, index_of(1));
+        Real a = node_importance(tree, first, at), b = node_importance(tree, first + 1, at);
+        if ((f & USE_LEARNED) && tree->visible) {
+            a = a * learned_visibility(tree, region, first);
+            b = b * learned_visibility(tree, region, first + 1);
+        }
+        Mask none = a + b <= real(0); /* nothing to gain below: any choice is valid */
+        Real count_a = gather(tree->nodes + NODE_COUNT, first * NODE_NUMBERS);
+        Real count_b = gather(tree->nodes + NODE_COUNT, (first + 1) * NODE_NUMBERS);
+        count_a = only((a > real(0)) | none, count_a);
+        count_b = only((b > real(0)) | none, count_b);
+        Real by_contribution = select(none, real(0.5), a / (a + b)), counted = count_a / (count_a + count_b);
+        Real p = select(by_count, counted, by_contribution);
+        Mask second = index_select(follow, (trail & 1) != 0, (u >= p) & (p < real(1)));
+        u = select(second, (u - p) / (real(1) - p), u / p);
+        p_contribution = select(inner, p_contribution * select(second, real(1) - by_contribution, by_contribution),
+            p_contribution);
+        p_count = select(inner, p_count * select(second, real(1) - counted, counted), p_count);
+        node = index_select(inner, first + index_select(second, index_of(1), index_of(0)), node);
+        child = index_select(inner, gather_index(tree->child, node), child);
+        trail = trail >> 1;
+        Real other = u;
+        u = v;
+        v = other;
+    }
+    *light = -1 - child;
+    return real(1) / ((real(1) - share) * p_contribution + share * p_count);
+}
+
+/* L4 The choice: uniform and by power from an alias table (Vose 1991), whatever N is; by contribution from the
+   tree. Sets 1/p_i. */
+INLINE Index choose_light(
+    const Lights *lights, const Receiver *at, Real u, Real v, Real *inverse_choice, Features f)
+{
+    *inverse_choice = real(1);
+    if (!(f & HAS_MANY_LIGHTS))
+        return index_of(0);
+    if (f & USE_CONTRIBUTION) {
+        Index light;
+        *inverse_choice = walk_tree(&lights->tree, at, mask_none(), index_of(0), u, v, &light, f);
+        return light;
+    }
+    Index i = real_floor(u * real(lights->count));
+    i = index_select(v < gather(lights->alias_share, i), i, gather_index(lights->alias, i));
+    *inverse_choice = gather(lights->inverse_choice, i);
+    return i;
+}
+
+/* 1/p_i of a light that was hit: what choose_light would have said. */
+INLINE Real inverse_choice_of(const Lights *lights, const Receiver *at, Index i, Features f)
+{
+    if (!(f & HAS_MANY_LIGHTS))
+        return real(1);
+    if (!(f & USE_CONTRIBUTION))
+        return gather(lights->inverse_choice, i);
+    Index light;
+    return walk_tree(&lights->tree, at, mask_all(), gather_index(lights->tree.trail, i), real(0.5), real(0.5),
+        &light, f);
+}
+
+/* One ray to one light: u[0], u[3] choose the light, u[1], u[2] the point on it. */
+INLINE LightSample sample_light(const Lights *lights, const Receiver *at, const Real u[4], Features f)
+{
+    Real inverse_choice;
+    Index i = choose_light(lights, at, u[0], u[3], &inverse_choice, f);
+    return sample_light_point(lights, i, inverse_choice, at, u[1], u[2], f);
+}
+
+/* L13 Multiple importance sampling: the weight of a direction that was sampled by way of the light, given the
+   ratio of the two densities, w_light = p_light^β / (p_light^β + p_bounce^β), β = 1 balance, β = 2 power. The
+   same direction sampled by the bounce gets 1 - w_light: the two always sum to 1. Veach, Robust Monte Carlo
+   Methods, 1997, 9.2. */
+INLINE Real mis_weight_light(Real bounce_over_light, Features f)
+{
+    Real x = f & USE_BALANCE ? bounce_over_light : bounce_over_light * bounce_over_light;
+    return real(1) / (real(1) + x);
+}
+
+#endif

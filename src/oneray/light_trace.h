@@ -1,0 +1,129 @@
+/* L17 Light tracing: the random walk from the light to the camera. Each path carries flux (W) from a light
+   point; each of its vertices is joined to the eye, which is a specular vertex too: nothing that the path does
+   by itself would ever hit it. For the same reason a mirror or glass in the picture cannot be served. */
+#ifndef ONERAY_LIGHT_TRACE_H
+#define ONERAY_LIGHT_TRACE_H
+
+#include "kernel.h"
+#include "message.h"
+#include "path.h"
+
+/* A ray from an area light: a uniform point, a direction by the cosine; flux L π A. */
+INLINE void emit_area(
+    const Lights *lights, Index i, const Real place[4], const Real way[4], Start *start, Features f)
+{
+    Vec point = start->ray.o, normal = start->ray.d;
+    Mask area = index_of_light(lights->slot, i, f) >= 0;
+    sample_area(lights, i, place[1], place[2], &point, &normal, f);
+    Vec d = vec_from_frame(normal, sample_hemisphere_cosine(way[0], way[1]));
+    start->ray.o = vec_select(area, point, start->ray.o);
+    start->ray.d = vec_select(area, d, start->ray.d);
+    start->ray.from = index_select(area, index_of_light(lights->slot, i, f), start->ray.from);
+    Vec flux = vec_all(REAL_PI * of_light(lights->area, i, f));
+    start->flux = vec_select(area, flux, start->flux);
+}
+
+/* A ray from a point light, flux 4π I, or from a spot, uniform in its cone, flux 2π (1 - cos cutoff) I
+   falloff. */
+INLINE void emit_point(const Lights *lights, Index i, const Real way[4], Start *start, Features f)
+{
+    Mask point = light_is(lights, SITE_POINT, i, f), spot = light_is(lights, SITE_SPOT, i, f);
+    Vec d = sample_sphere(way[0], way[1]);
+    Real flux = real(1) / pdf_w_sphere();
+    if (f & HAS_SPOT) {
+        Real extent = of_light(lights->radius, i, f);
+        Vec axis = vec_of_light(lights->edge_x, i, f);
+        Vec in_cone = vec_from_frame(axis, sample_cone(way[0], way[1], extent));
+        Real falloff = falloff_of(lights, i, vec_neg(in_cone), f);
+        d = vec_select(spot, in_cone, d);
+        flux = select(spot, falloff / pdf_w_cone(extent), flux);
+    }
+    start->ray.o = vec_select(point | spot, vec_of_light(lights->position, i, f), start->ray.o);
+    start->ray.d = vec_select(point | spot, d, start->ray.d);
+    start->flux = vec_select(point | spot, vec_all(flux), start->flux);
+}
+
+/* A ray from far away: through a uniform point of the disk across it that the scene's ball casts, flux E π R²,
+   for the environment from a uniform direction, flux 4π L π R². */
+INLINE void emit_far(
+    const Lights *lights, Index i, const Real place[4], const Real way[4], Start *start, Features f)
+{
+    Mask sun = light_is(lights, SITE_DIRECTIONAL, i, f), sky = light_is(lights, SITE_CONSTANT, i, f);
+    Real x, y, radius = real(lights->world_radius);
+    Vec d = sample_sphere(way[0], way[1]);
+    if (f & HAS_DIRECTIONAL)
+        d = vec_select(sun, vec_of_light(lights->edge_x, i, f), d);
+    sample_disk(place[1], place[2], &x, &y);
+    Vec across = vec_from_frame(d, vec(x * radius, y * radius, -radius));
+    Real flux = REAL_PI * radius * radius;
+    flux = select(sky, flux / pdf_w_sphere(), flux);
+    start->ray.o = vec_select(sun | sky, vec_add(vec_of(lights->world_center), across), start->ray.o);
+    start->ray.d = vec_select(sun | sky, d, start->ray.d);
+    start->flux = vec_select(sun | sky, vec_all(flux), start->flux);
+}
+
+/* The first ray of a light path, and the flux that it carries. */
+INLINE void start_at_light(Start *start, const Scene *scene, Features f)
+{
+    const Lights *lights = &scene->lights;
+    Uniforms place = rng_block(&start->rng, index_of(0), DIMENSION_LIGHT);
+    Uniforms way = rng_block(&start->rng, index_of(0), DIMENSION_CAMERA);
+    Real inverse_choice;
+    Index i = choose_light(lights, NULL, place.u[0], place.u[3], &inverse_choice, f);
+    start->ray = (Ray){vec_all(real(0)), vec_all(real(1)), real(NUM_MAX), index_of(-1)};
+    start->flux = vec_all(real(0));
+    if (f & HAS_AREA)
+        emit_area(lights, i, place.u, way.u, start, f);
+    if (f & (HAS_POINT | HAS_SPOT))
+        emit_point(lights, i, way.u, start, f);
+    if (f & (HAS_DIRECTIONAL | HAS_CONSTANT))
+        emit_far(lights, i, place.u, way.u, start, f);
+    start->flux = vec_scale(vec_mul(start->flux, vec_of_light(lights->emission, i, f)), inverse_choice);
+}
+
+/* A splat for each lane; items says which of the job's paths a lane works on. */
+INLINE void add_splats(Splats *splats, const size_t items[], Index pixel, Vec radiance, Mask arrives)
+{
+    if (splats->room < splats->count + LANES) {
+        splats->room = 2 * splats->room + 1024;
+        splats->list = reallocate(splats->list, splats->room, sizeof *splats->list);
+    }
+    for (unsigned left = mask_bits(arrives); left; left &= left - 1) {
+        int lane = lowest_lane(left);
+        splats->list[splats->count++] = (Splat){items[lane], (size_t)LANE(pixel, lane),
+            {(double)LANE(radiance.x, lane), (double)LANE(radiance.y, lane), (double)LANE(radiance.z, lane)}};
+    }
+}
+
+/* The vertex joined to the eye: Φ f_r cosθ V / (d² cos³θ_eye A_film). */
+INLINE void join_eye(
+    Path *path, const Scene *scene, const Surface *s, Mask active, const size_t items[], Splats *splats, Features f)
+{
+    Eye eye = eye_from(&scene->camera, s->p);
+    Real cosine = vec_dot(s->n, eye.wi);
+    active &= eye.seen & (cosine > real(0)) & (vec_max(s->albedo) > real(0));
+    if (!any(active))
+        return;
+    path->shadow_rays += active;
+    Ray shadow = {s->p, eye.wi, eye.to_near, s->slot};
+    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, &shadow, index_of(-1), f));
+    Vec flux = vec_mul(path->flux, vec_mul(path->throughput, eval_diffuse(s)));
+    Index x = real_floor(only(arrives, eye.x)), y = real_floor(only(arrives, eye.y));
+    add_splats(splats, items, y * scene->width + x, vec_scale(flux, cosine * eye.weight), arrives);
+}
+
+/* One vertex of a light path. Its n-th is the eye's path of n + 1 rays: max_depth counts those. */
+INLINE void light_step(Path *path, const Scene *scene, const size_t items[], Splats *splats, Features f)
+{
+    path->rays += path->alive;
+    Hit hit = shapes_hit(&scene->shapes, &path->ray, mask_none(), f);
+    Mask front;
+    Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
+    path->alive &= (hit.slot >= index_of(0)) & (path->depth + 1 < index_of(scene->max_depth));
+    if (!any(path->alive))
+        return;
+    join_eye(path, scene, &surface, and_not(path->alive, surface.specular), items, splats, f);
+    bounce(path, scene, &surface, f);
+}
+
+#endif
