@@ -178,7 +178,10 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ([BOX, "--estimator", "light", "--light-points", "area", "-o", "out.exr"], "does nothing there"),
         ([BOX, "--estimator", "light", "--light-choice", "learned", "-o", "out.exr"], "uniform or power"),
         ([MIRROR, "--estimator", "light", "-o", "out.exr"], "shows a mirror or glass"),
-        ([BOX, "--mis-pdf", "survival", "--estimator", "nee", "-o", "out.exr"], "goes with --estimator mis only"),
+        (
+            [BOX, "--mis-pdf", "survival", "--estimator", "nee", "-o", "out.exr"],
+            "goes with --estimator mis only",
+        ),
         ([BOX, "--mis-pdf", "survival", "--roulette", "none", "-o", "out.exr"], "every path survives"),
         ([BOX, "--light-points", "corner", "-o", "out.exr"], "is not supported (area, facing, cone)"),
         ([BOX, "--light-choice", "best", "-o", "out.exr"], "(uniform, power, contribution, learned)"),

@@ -2,6 +2,7 @@
 applies.
 """
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,6 +10,11 @@ from pathlib import Path
 
 DELTA_LIGHTS = frozenset({"point", "spot", "directional"})
 """Emitters that no random ray can hit."""
+SPECULAR = frozenset({"conductor", "dielectric"})
+FLAT = frozenset({"rectangle", "cube"})
+"""Shapes whose sides oneray can sample by solid angle."""
+MANY_FACES = frozenset({"cube", "ply", "obj"})
+"""Shapes that are several lights to choose from, a side or a triangle each."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +26,18 @@ class SceneContent:
     max_depth: int
     """Mitsuba's meaning: 1 emission only, 2 direct light, −1 no limit."""
     rr_depth: int
+    sphere_lights: int = 0
+    flat_lights: int = 0
+    """Lights with rectangular sides."""
+    faces: int = 0
+    """Lights with several faces to choose from."""
+    specular: bool = False
+    """Mirrors, glass or mixed materials are about, which light paths cannot be joined to the eye at."""
+    hide_emitters: bool = False
+    unbounded: str = ""
+    """What the scene says of techniques whose samples have no bound, so that their variance may be infinite;
+    empty where there are none.
+    """
 
     @property
     def has_indirect(self) -> bool:
@@ -30,28 +48,42 @@ class SceneContent:
         return self.lights > self.delta_lights
 
     @property
+    def has_choice(self) -> bool:
+        return self.lights > 1 or self.faces > 0
+
+    @property
     def has_roulette(self) -> bool:
         return self.max_depth == -1 or self.rr_depth < self.max_depth
 
 
 def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> SceneContent:
     """What techniques need to know of a scene file; `parameters` replace its `<default>` values."""
-    root = ET.parse(scene).getroot()
+    text = scene.read_text(encoding="utf-8")
+    root = ET.fromstring(text)
     values = {d.get("name", ""): d.get("value", "") for d in root.iter("default")} | dict(parameters or {})
 
-    def integer(name: str, default: int) -> int:
-        element = root.find(f"./integrator/integer[@name='{name}']")
-        text = element.get("value", "") if element is not None else str(default)
+    def setting(kind: str, name: str, default: str) -> str:
+        element = root.find(f"./integrator/{kind}[@name='{name}']")
+        value = element.get("value", "") if element is not None else default
         for key in sorted(values, key=len, reverse=True):
-            text = text.replace(f"${key}", values[key])
-        return int(text)
+            value = value.replace(f"${key}", values[key])
+        return value
 
     kinds = [emitter.get("type", "") for emitter in root.iter("emitter")]
+    shining = [s.get("type", "") for s in root.iter("shape") if s.find("emitter") is not None]
+    materials = {bsdf.get("type", "") for bsdf in root.iter("bsdf")}
+    unbounded = re.search(r"^\s*Unbounded: (.*?)(?=\n\s*\n|-->)", text, re.MULTILINE | re.DOTALL)
     return SceneContent(
         lights=len(kinds),
         delta_lights=sum(kind in DELTA_LIGHTS for kind in kinds),
-        max_depth=integer("max_depth", -1),
-        rr_depth=integer("rr_depth", 5),
+        max_depth=int(setting("integer", "max_depth", "-1")),
+        rr_depth=int(setting("integer", "rr_depth", "5")),
+        sphere_lights=shining.count("sphere"),
+        flat_lights=sum(kind in FLAT for kind in shining),
+        faces=sum(kind in MANY_FACES for kind in shining),
+        specular=bool(materials & SPECULAR),
+        hide_emitters=setting("boolean", "hide_emitters", "false") == "true",
+        unbounded=" ".join(unbounded.group(1).split()) if unbounded else "",
     )
 
 
@@ -72,15 +104,19 @@ def _options(
     estimator: str,
     hemisphere: str = "cosine",
     choice: str = "power",
+    points: str = "area",
     mis: str = "power",
+    mis_pdf: str = "bsdf",
     roulette: str = "survival",
 ) -> tuple[str, ...]:
     options = ["--estimator", estimator, "--hemisphere", hemisphere]
     if estimator != "walk":
-        options += ["--light-choice", choice, "--light-points", "area"]
+        options += ["--light-choice", choice]
+    if estimator in ("nee", "mis"):
+        options += ["--light-points", points]
     if estimator == "mis":
-        options += ["--mis", mis]
-    return (*options, "--roulette", roulette)
+        options += ["--mis", mis, "--mis-pdf", mis_pdf]
+    return (*options, "--roulette", roulette, "--fresnel", "exact")
 
 
 def _walk(content: SceneContent) -> bool:
@@ -92,12 +128,37 @@ def _lit(content: SceneContent) -> bool:
 
 
 def _many(content: SceneContent) -> bool:
-    return content.lights > 1
+    return content.has_choice
+
+
+def _weighed(content: SceneContent) -> bool:
+    """There are two ways to some light, for multiple importance sampling to weigh."""
+    return content.has_area_light
+
+
+def _spheres(content: SceneContent) -> bool:
+    return content.sphere_lights > 0
+
+
+def _angular(content: SceneContent) -> bool:
+    """Some light can be sampled by the solid angle that it fills."""
+    return content.sphere_lights > 0 or content.flat_lights > 0
 
 
 def _capped(content: SceneContent) -> bool:
     """Roulette would act, and without it paths still end."""
     return content.has_roulette and content.max_depth != -1
+
+
+def _traced(content: SceneContent) -> bool:
+    """Light paths: the eye must not see a mirror, glass or a hidden emitter. Where a scene has mirrors or
+    glass, whether they are in view is found out by trying (`verify`).
+    """
+    return content.lights > 0 and not content.hide_emitters
+
+
+_NEE = ("L1", "L2", "L3", "L4", "L9", "L10", "L11", "L12", "L14")
+_MIS = ("L3", "L4", "L9", "L10", "L13", "L14")
 
 
 TECHNIQUES: tuple[Technique, ...] = (
@@ -110,7 +171,7 @@ TECHNIQUES: tuple[Technique, ...] = (
     ),
     Technique(
         "walk-cosine",
-        ("L7", "L9", "L14", "L19"),
+        ("L7", "L9", "L14", "L15", "L16", "L19"),
         _options("walk"),
         "random walk, directions by the cosine",
         _walk,
@@ -131,17 +192,45 @@ TECHNIQUES: tuple[Technique, ...] = (
     ),
     Technique(
         "nee-uniform-choice",
-        ("L3", "L4", "L9", "L10", "L11", "L12", "L14"),
+        ("L3", "L4", "L6", "L9", "L10", "L11", "L12", "L14"),
         _options("nee", choice="uniform"),
-        "next event estimation, one of N lights with probability 1/N",
+        "next event estimation, one of N lights with probability 1/N (situation 1: nothing is known)",
         _many,
     ),
     Technique(
         "nee",
-        ("L1", "L2", "L3", "L4", "L9", "L10", "L11", "L12", "L14"),
+        _NEE,
         _options("nee"),
-        "next event estimation, one light with a probability by its power",
+        "next event estimation, one light with a probability by its power, a point uniform on its area",
         _lit,
+    ),
+    Technique(
+        "nee-contribution",
+        (*_NEE, "L6"),
+        _options("nee", choice="contribution"),
+        "one light with a probability by power, distance and cosines, 0 where it cannot contribute",
+        _many,
+    ),
+    Technique(
+        "nee-learned",
+        (*_NEE, "L6", "L18"),
+        _options("nee", choice="learned"),
+        "one light by contribution and by what a pre-pass saw of occlusion (situation 2)",
+        _many,
+    ),
+    Technique(
+        "nee-facing",
+        (*_NEE, "L5"),
+        _options("nee", points="facing"),
+        "points on the half of a sphere light that faces the receiver",
+        _spheres,
+    ),
+    Technique(
+        "nee-cone",
+        (*_NEE, "L5"),
+        _options("nee", points="cone"),
+        "directions in the cone that a sphere light fills, or in the solid angle of a rectangle",
+        _angular,
     ),
     Technique(
         "nee-no-roulette",
@@ -152,14 +241,14 @@ TECHNIQUES: tuple[Technique, ...] = (
     ),
     Technique(
         "mis-balance",
-        ("L3", "L4", "L9", "L10", "L13", "L14"),
+        _MIS,
         _options("mis", mis="balance"),
         "light and hemisphere samples weighted by the balance heuristic",
-        lambda c: c.has_area_light,
+        _weighed,
     ),
     Technique(
         "mis-power",
-        ("L3", "L4", "L9", "L10", "L13", "L14"),
+        _MIS,
         _options("mis"),
         "light and hemisphere samples weighted by the power heuristic",
         _lit,
@@ -169,25 +258,83 @@ TECHNIQUES: tuple[Technique, ...] = (
         ("L3", "L8", "L10", "L13", "L14"),
         _options("mis", "uniform"),
         "power heuristic with directions uniform over the hemisphere",
-        lambda c: c.has_area_light,
+        _weighed,
     ),
     Technique(
         "mis-uniform-choice",
         ("L3", "L4", "L13", "L14"),
         _options("mis", choice="uniform"),
         "power heuristic, one of N lights with probability 1/N",
-        lambda c: c.has_area_light and _many(c),
+        lambda c: _weighed(c) and _many(c),
+    ),
+    Technique(
+        "mis-contribution",
+        (*_MIS, "L6"),
+        _options("mis", choice="contribution"),
+        "power heuristic, one light by what it may contribute",
+        lambda c: _many(c) and _angular(c),
+    ),
+    Technique(
+        "mis-facing",
+        (*_MIS, "L5"),
+        _options("mis", points="facing"),
+        "power heuristic, points on the facing half of a sphere light",
+        _spheres,
+    ),
+    Technique(
+        "mis-cone",
+        (*_MIS, "L5"),
+        _options("mis", points="cone"),
+        "power heuristic, directions in the cone or solid angle of a light",
+        lambda c: _many(c) and _angular(c),
     ),
     Technique(
         "mis-no-roulette",
         ("L13", "L19"),
         _options("mis", roulette="none"),
         "power heuristic, paths that only the depth cap ends",
-        lambda c: c.has_area_light and _capped(c),
+        lambda c: _weighed(c) and _capped(c),
+    ),
+    Technique(
+        "mis-survival",
+        (*_MIS, "L14"),
+        _options("mis", mis_pdf="survival"),
+        "power heuristic with the chance of surviving roulette in the density of the walk",
+        lambda c: _weighed(c) and c.has_roulette,
+    ),
+    Technique(
+        "mis-default",
+        (*_MIS, "L5", "L6"),
+        _options("mis", choice="contribution", points="cone"),
+        "oneray's defaults: power heuristic, one light by contribution, in its cone or solid angle",
+        lambda c: _many(c) or _angular(c),
+    ),
+    Technique(
+        "mis-learned",
+        (*_MIS, "L5", "L6", "L18"),
+        _options("mis", choice="learned", points="cone"),
+        "the same with what a pre-pass saw of occlusion",
+        lambda c: _weighed(c) and _many(c),
+    ),
+    Technique(
+        "light",
+        ("L4", "L12", "L17"),
+        _options("light"),
+        "light tracing: paths from the lights, each vertex joined to the eye",
+        _traced,
+    ),
+    Technique(
+        "light-uniform-choice",
+        ("L4", "L8", "L17"),
+        _options("light", "uniform", choice="uniform"),
+        "light tracing, lights with probability 1/N, bounces uniform over the hemisphere",
+        lambda c: _traced(c) and (_many(c) or c.has_indirect),
     ),
 )
 
-BEST = "mis-power"
+BASELINE = "walk-cosine"
+"""The plain random walk, which prices are relative to."""
+BEST = "mis-default"
 """The technique that pictures are made with."""
 
 
