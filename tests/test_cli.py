@@ -56,7 +56,7 @@ def test_verify_right_and_wrong(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["verify", "nowhere"], "raycheck: no scene nowhere: there are"),
+        (["verify", "nowhere"], "raycheck: no scene 'nowhere'; there are"),
         (["verify", "--renderer", "render"], "raycheck: the renderer command has no {output}"),
         (["verify", "--renderer", "render {output}"], "raycheck: the renderer command has no {scene}"),
         (["verify", "point-light", "--images", "/none/*"], "raycheck: --images '/none/*': no file matches"),

@@ -9,10 +9,11 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from raycheck import closed_forms, mitsuba_reference, references
-from raycheck.mitsuba_reference import relative_errors, skewness_tables, tile_means
+from raycheck import closed_forms, mitsuba_reference, reference_making, references
+from raycheck.reference_making import relative_errors, skewness_tables, tile_means
 from raycheck.scene_reader import read_scene
 from raycheck.seeds import make_seeds
+from raycheck.techniques import TECHNIQUES
 
 CLOSED = sorted(closed_forms.FORMS)
 FILM_ROUNDING = 1e-5
@@ -64,8 +65,11 @@ def test_every_scene_has_a_fresh_reference_and_no_reference_is_without_a_scene()
 @pytest.mark.parametrize("label", sorted(references.read_manifest()))
 def test_the_manifest_says_how_a_reference_was_made(label: str) -> None:
     entry = references.read_manifest()[label]
-    assert entry["variant"] in ("llvm_ad_rgb", "scalar_rgb")
-    assert entry["mitsuba_version"].startswith("3.")
+    if entry.get("renderer") == "oneray":
+        assert entry["technique"] in {one.name for one in TECHNIQUES}
+    else:
+        assert entry["variant"] in ("llvm_ad_rgb", "scalar_rgb")
+        assert entry["mitsuba_version"].startswith("3.")
     assert entry["batches"] >= 32
     assert entry["spp"] <= mitsuba_reference.MAX_SPP_PER_BATCH
     assert entry["skewness_batches"] >= 1024
@@ -112,7 +116,7 @@ def test_standard_errors_are_small_enough(name: str) -> None:
 def test_a_changed_scene_makes_its_reference_stale(elsewhere: Path) -> None:
     scene = elsewhere / "scenes" / "furnace.xml"
     scene.write_text(scene.read_text().replace('value="0.5"', 'value="0.4"', 1))
-    with pytest.raises(references.ReferenceError_, match=r"furnace is stale.*make_references\.py furnace"):
+    with pytest.raises(references.ReferenceError_, match=r"furnace is stale.*raycheck reference furnace"):
         references.load_reference("furnace")
 
 
@@ -123,7 +127,7 @@ def test_line_ends_do_not_make_it_stale(elsewhere: Path) -> None:
 
 
 def test_a_variant_without_a_reference_says_how_to_make_it() -> None:
-    with pytest.raises(references.ReferenceError_, match=r"make_references\.py furnace -Ddepth=3"):
+    with pytest.raises(references.ReferenceError_, match="raycheck reference furnace -Ddepth=3"):
         references.load_reference("furnace", {"depth": "3"})
 
 
@@ -148,7 +152,7 @@ def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -
     mean, variance = rng.random((16, 8, 3)), rng.random((16, 8, 3))
     entry = {"skewness": {"8": [[[0.1, None, 2]]]}}
     before = set((elsewhere / "references").iterdir())
-    path = references.write_reference("furnace@depth=3", mean, variance, entry)
+    path = references.write_reference(references.variant("furnace@depth=3"), mean, variance, entry)
     assert np.allclose(references.read_exr(path), np.concatenate([mean, variance], axis=-1), rtol=1e-7)
     manifest = json.loads((elsewhere / "references" / "manifest.json").read_text())
     assert manifest["furnace@depth=3"] == entry
@@ -157,7 +161,7 @@ def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -
 
 
 def test_the_key_of_a_variant_has_its_parameters_sorted() -> None:
-    assert references.key("x", {"b": "2", "a": "1"}) == "x@a=1,b=2"
+    assert references.Variant(Path("x.xml"), {"b": "2", "a": "1"}).label == "x@a=1,b=2"
 
 
 # ---- closed forms ----
@@ -291,7 +295,7 @@ def test_skewness_is_that_of_one_sample() -> None:
 
 def test_accumulating_gives_mean_and_variance_of_the_mean() -> None:
     images = np.random.default_rng(2).normal(1e6, 1, size=(50, 4, 4, 3))
-    mean, variance, count = mitsuba_reference.accumulate(iter(images))
+    mean, variance, count = reference_making.accumulate(iter(images))
     assert count == 50
     assert np.allclose(mean, images.mean(axis=0), rtol=1e-14)
     assert np.allclose(variance, images.var(axis=0, ddof=1) / 50, rtol=1e-8)
@@ -317,8 +321,8 @@ def test_new_batches_by_mitsuba_agree_with_the_references() -> None:
     """Scalar, 40 batches of 4 samples: the image means of two scenes within 5 standard errors."""
     pytest.importorskip("mitsuba")
     for name in ("furnace", "mirror-light"):
-        renderer = mitsuba_reference.Renderer(references.scene_path(name), {}, "scalar_rgb")
-        mean, variance, _ = mitsuba_reference.accumulate(renderer.batches(5000, 40, 4))
+        renderer = mitsuba_reference.MitsubaBatches(references.variant(name), "scalar_rgb")
+        mean, variance, _ = reference_making.accumulate(renderer.batches(5000, 40, 4))
         reference = references.load_reference(name)
         error = np.sqrt((variance + reference.variance_of_mean).sum(axis=(0, 1)))
         assert (np.abs((mean - reference.mean).sum(axis=(0, 1))) < 5 * error).all()

@@ -1,7 +1,10 @@
-"""The command line: raycheck verify, compare, report."""
+"""The command line: raycheck verify, compare, report, reference."""
 
+import math
+import os
 import sys
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,11 +13,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck import words
+from raycheck import mitsuba_reference, reference_making, references, words
 from raycheck.compare import compare as compare_images
 from raycheck.images import ImageError
 from raycheck.references import ReferenceError_
-from raycheck.renderers import NotFound
+from raycheck.renderers import NotFound, RenderError
 from raycheck.report import write_report
 from raycheck.verdict import Outcome
 from raycheck.verify import Case, Verification, raycheck_version
@@ -33,6 +36,11 @@ raycheck judges Monte Carlo renderers against references. The three commands tha
 
 raycheck COMMAND --help says more.
 """
+
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("-D", metavar="name=value", help="Another value for a <default> of the scene."),
+]
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 
@@ -58,8 +66,12 @@ def few_commands(
 @app.command()
 def verify(
     scenes: Annotated[
-        list[str] | None, typer.Argument(metavar="[SCENE]...", help="Names or files; all by default.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE]...", help="Names, labels such as furnace@depth=2, or files; all by default."
+        ),
     ] = None,
+    settings: Settings = None,
     technique: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only this technique of oneray; may be repeated.")
     ] = None,
@@ -90,8 +102,9 @@ def verify(
     _writable(json_file)
     with _progress("verifying") as on_case, _plain_errors():
         result = run_verification(
-            renderer, scenes or (), techniques=technique or (), images=images, thorough=thorough,
-            seed=seed, spp=spp, jobs=jobs, timeout=timeout, on_case=on_case,
+            renderer, scenes or (), parameters=parse_settings(settings), techniques=technique or (),
+            images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout,
+            on_case=on_case,
         )  # fmt: skip
     show(result)
     if json_file:
@@ -135,6 +148,100 @@ def report(
     typer.echo(f"{page}: open it in a browser")
 
 
+class Maker(StrEnum):
+    """Renderers that make references."""
+
+    MITSUBA = "mitsuba"
+    ONERAY = "oneray"
+
+
+@app.command()
+def reference(
+    scenes: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[SCENE]...", help="Names or files; all whose reference is stale by default."),
+    ] = None,
+    settings: Settings = None,
+    by: Annotated[Maker, typer.Option(help="Who renders it.")] = Maker.MITSUBA,
+    every: Annotated[bool, typer.Option("--all", help="Renew fresh references too.")] = False,
+    seconds: Annotated[
+        float, typer.Option(min=1, help="About how long each may take, even if its errors are larger then.")
+    ] = math.inf,
+    image_error: Annotated[
+        float, typer.Option(help="Relative standard error of the image to reach.")
+    ] = reference_making.Goal.image,
+    tile_error: Annotated[
+        float, typer.Option(help="The same of 90 % of its 8×8 tiles; twice that beside a closed form.")
+    ] = reference_making.Goal.tile,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Threads or processes, one a core by default.")
+    ] = None,
+) -> None:
+    """Make the reference of a scene, after a time estimate. Those of your own scene files go into a folder
+    "references" beside them.
+    """
+    goal = reference_making.Goal(
+        image=image_error, tile=tile_error, checked_tile=2 * tile_error, most_seconds=seconds
+    )
+    with _plain_errors():
+        wanted = _wanted_references(scenes, parse_settings(settings), every)
+        if not wanted:
+            typer.echo("all references are fresh")
+            return
+        _make_references(wanted, by, goal, jobs or os.cpu_count() or 1)
+
+
+def _wanted_references(
+    scenes: list[str] | None, parameters: dict[str, str], every: bool
+) -> list[references.Variant]:
+    if not scenes:
+        found = references.ladder()
+        return found if every else [variant for variant in found if not references.is_fresh(variant)]
+    return [references.variant(scene, parameters) for scene in scenes]
+
+
+def _make_references(
+    wanted: list[references.Variant], by: Maker, goal: reference_making.Goal, jobs: int
+) -> None:
+    """Plan all, say how long it will take, then render the short ones first."""
+    variant = mitsuba_reference.choose_variant() if by is Maker.MITSUBA else ""
+    console = _console()
+    work = []
+    for of in wanted:
+        renderer = (
+            mitsuba_reference.MitsubaBatches(of, variant, jobs)
+            if variant
+            else reference_making.OnerayBatches(of, jobs)
+        )
+        checked = references.closed_form(of) is not None
+        plan = reference_making.pilot(renderer, goal, checked)
+        work.append((of, renderer, plan))
+        console.print(f"{of.label}: {plan.spp} samples per pixel, about {words.duration(plan.seconds)}")
+    total = sum(plan.seconds for _, _, plan in work)
+    console.print(f"about {words.duration(total)} in all")
+    batches = sum(plan.spp // goal.spp_per_batch for _, _, plan in work)
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=batches)
+        for of, renderer, plan in sorted(work, key=lambda job: job[2].seconds):
+            bar.update(task, description=of.label)
+            entry = reference_making.make_reference(of, renderer, plan, goal, lambda: bar.advance(task))
+            console.print(
+                f"{of.label}: {entry['batches']} batches, {words.duration(entry['seconds'])}, standard error "
+                f"{words.percent(entry['image_error'])} of the image and "
+                f"{words.percent(entry['tile_error_p90'])} of nine tenths of the tiles: "
+                f"{of.folder / of.label}.exr"
+            )
+
+
+def parse_settings(settings: list[str] | None) -> dict[str, str]:
+    """["a=1", "b=2"] as {"a": "1", "b": "2"}; NotFound for anything else."""
+    pairs = [setting.partition("=") for setting in settings or ()]
+    for name, equals, _ in pairs:
+        if not name or not equals:
+            raise NotFound(f"-D{name}: -Dname=value is wanted")
+    return {name: value for name, _, value in pairs}
+
+
 def show(result: Verification) -> None:
     """The table of verdicts, and a sentence for each that is not PASS."""
     console = _console()
@@ -167,6 +274,8 @@ def show(result: Verification) -> None:
     console.print()
     console.print(sentence + ".", highlight=False)
     console.print(_judged_against(result.cases), highlight=False, soft_wrap=True)
+    for case, why in result.header.get("left_out", {}).items():
+        console.print(f"Left out: {case}: {why}.", highlight=False, markup=False, soft_wrap=True)
 
 
 def _judged_against(cases: list[Case]) -> str:
@@ -218,7 +327,7 @@ def _plain_errors():
     """One line on standard error and exit status 2 where nothing could be judged."""
     try:
         yield
-    except (NotFound, ReferenceError_, ImageError) as error:
+    except (NotFound, ReferenceError_, ImageError, RenderError) as error:
         typer.echo(f"raycheck: {error}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 CHANNELS = ("R", "G", "B", "variance.R", "variance.G", "variance.B")
 
 
-class ReferenceError_(Exception):
-    """A reference that is missing, stale or unreadable; the message is one line and says what to do."""
+class ReferenceError_(ValueError):
+    """A scene or reference that is missing, stale or unreadable: one line that says what to do."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,92 @@ class Reference:
     skewness: Mapping[int, Array]
     closed_form: Array | None = field(default=None)
 
+    @property
+    def made_by(self) -> str:
+        """The renderer, for people."""
+        version = self.entry.get("mitsuba_version")
+        return f"Mitsuba {version}" if version else str(self.entry.get("renderer", "unknown"))
+
     def best(self) -> tuple[Array, Array]:
         """Mean and its variance (H, W, 3 each): the exact values where they are known, else Mitsuba's."""
         if self.closed_form is None:
             return self.mean, self.variance_of_mean
         known = np.isfinite(self.closed_form)
         return np.where(known, self.closed_form, self.mean), np.where(known, 0.0, self.variance_of_mean)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A scene file with the values of its parameters: what a reference belongs to."""
+
+    path: Path
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    """What replaces the file's `<default>` values."""
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
+
+    @property
+    def label(self) -> str:
+        """ "NAME", or "NAME@a=1,b=2" with the parameters sorted."""
+        settings = ",".join(f"{k}={v}" for k, v in sorted(self.parameters.items()))
+        return f"{self.name}@{settings}" if settings else self.name
+
+    @property
+    def canonical(self) -> bool:
+        return self.path.parent == scenes_dir()
+
+    @property
+    def folder(self) -> Path:
+        """Where its reference is: the package's for canonical scenes, else `references` beside the scene."""
+        return references_dir() if self.canonical else self.path.parent / "references"
+
+    @property
+    def renew_command(self) -> str:
+        """The command that makes its reference anew."""
+        settings = "".join(f" -D{k}={v}" for k, v in sorted(self.parameters.items()))
+        return f"raycheck reference {self.name if self.canonical else self.path}{settings}"
+
+    def check_parameters(self) -> None:
+        """ReferenceError_ if the scene has no `<default>` of that name."""
+        known = [d.get("name", "") for d in ElementTree.parse(self.path).getroot().iter("default")]
+        for name in self.parameters:
+            if name not in known:
+                raise ReferenceError_(f"{self.name} has no parameter {name} ({', '.join(known) or 'none'})")
+
+
+def variant(scene: str | Path, parameters: Mapping[str, str] | None = None) -> Variant:
+    """The scene of that name, label ("NAME@a=1") or file; ReferenceError_ with the names there are.
+
+    A file that is a copy of a canonical scene stands for that scene.
+    """
+    if isinstance(scene, Path) or Path(scene).is_file():
+        path = Path(scene).resolve()
+        twin = scenes_dir() / path.name
+        if not path.is_file():
+            raise ReferenceError_(f"no scene {scene}")
+        if twin.is_file() and twin.read_bytes() == path.read_bytes():
+            path = twin
+        settings = ""
+    else:
+        name, _, settings = scene.partition("@")
+        path = scene_path(name)
+    stated = dict(pair.partition("=")[::2] for pair in settings.split(",") if pair)
+    found = Variant(path, stated | dict(parameters or {}))
+    found.check_parameters()
+    return found
+
+
+def ladder() -> list[Variant]:
+    """Every canonical scene as it stands and at its other depth: direct light only, or without limit."""
+    found = []
+    for name in scene_names():
+        root = ElementTree.parse(scene_path(name)).getroot()
+        depths = [d.get("value") for d in root.iter("default") if d.get("name") == "depth"]
+        others = [{"depth": "-1" if depth == "2" else "2"} for depth in depths]
+        found += [Variant(scene_path(name), parameters) for parameters in ({}, *others)]
+    return found
 
 
 def scenes_dir() -> Path:
@@ -85,17 +165,11 @@ def scene_names() -> list[str]:
 
 
 def scene_path(name: str) -> Path:
-    """Path of a canonical scene; ValueError with the names there are."""
+    """Path of a canonical scene; ReferenceError_ with the names there are."""
     path = scenes_dir() / f"{name}.xml"
     if not path.is_file():
-        raise ValueError(f"no scene {name!r}; there are: {', '.join(scene_names())}")
+        raise ReferenceError_(f"no scene {name!r}; there are: {', '.join(scene_names())}")
     return path
-
-
-def key(name: str, parameters: Mapping[str, str] | None = None) -> str:
-    """Name of a reference: "NAME", or "NAME@a=1,b=2" with the parameters sorted."""
-    settings = ",".join(f"{k}={v}" for k, v in sorted((parameters or {}).items()))
-    return f"{name}@{settings}" if settings else name
 
 
 def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
@@ -109,50 +183,65 @@ def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
     return digest.hexdigest()
 
 
-def renew_command(name: str, parameters: Mapping[str, str] | None = None) -> str:
-    """The command that makes a reference anew."""
-    settings = "".join(f" -D{k}={v}" for k, v in sorted((parameters or {}).items()))
-    return f"python scripts/make_references.py {name}{settings}"
-
-
-def read_manifest() -> dict[str, Any]:
-    """`references/manifest.json`, empty if there is none yet."""
-    path = references_dir() / "manifest.json"
+def read_manifest(folder: Path | None = None) -> dict[str, Any]:
+    """manifest.json of a folder of references (the package's by default), empty if there is none yet."""
+    path = (folder or references_dir()) / "manifest.json"
     return json.loads(path.read_text()) if path.is_file() else {}
 
 
-def load_reference(name: str, parameters: Mapping[str, str] | None = None) -> Reference:
-    """Load a reference and its closed form; ReferenceError_ if it is missing or stale."""
-    parameters = dict(parameters or {})
-    label = key(name, parameters)
-    renew = f"renew it with: {renew_command(name, parameters)}"
-    entry = read_manifest().get(label)
-    path = references_dir() / f"{label}.exr"
-    if entry is None or not path.is_file():
+def is_fresh(wanted: Variant) -> bool:
+    """Is there a reference of just this scene file?"""
+    try:
+        require(wanted)
+    except ReferenceError_:
+        return False
+    return True
+
+
+def require(wanted: Variant) -> dict[str, Any]:
+    """The manifest's entry of a reference; ReferenceError_ if it is missing or stale."""
+    entry = read_manifest(wanted.folder).get(wanted.label)
+    if entry is None or not (wanted.folder / f"{wanted.label}.exr").is_file():
         raise ReferenceError_(
-            f"there is no reference for {label}; make it with: {renew_command(name, parameters)}"
+            f"there is no reference for {wanted.label}; make it with: {wanted.renew_command}"
         )
-    if entry["hash"] != scene_hash(scene_path(name), parameters):
-        raise ReferenceError_(f"the reference {label} is stale: its scene has changed since; {renew}")
+    if entry["hash"] != scene_hash(wanted.path, wanted.parameters):
+        raise ReferenceError_(
+            f"the reference {wanted.label} is stale: its scene has changed since; "
+            f"renew it with: {wanted.renew_command}"
+        )
+    return entry
+
+
+def load_reference(scene: str | Path | Variant, parameters: Mapping[str, str] | None = None) -> Reference:
+    """Load a reference and its closed form; ReferenceError_ if it is missing or stale."""
+    wanted = scene if isinstance(scene, Variant) else variant(scene, parameters)
+    entry = require(wanted)
+    path = wanted.folder / f"{wanted.label}.exr"
     pixels = read_exr(path)
     if pixels.shape != (entry["height"], entry["width"], len(CHANNELS)):
-        raise ReferenceError_(f"{path} is not the image that the manifest describes; {renew}")
+        raise ReferenceError_(
+            f"{path} is not the image that the manifest describes; {wanted.renew_command} renews it"
+        )
     return Reference(
-        name=name,
-        parameters=parameters,
+        name=wanted.name,
+        parameters=wanted.parameters,
         mean=pixels[..., :3],
         variance_of_mean=pixels[..., 3:],
         batches=entry["batches"],
         spp_per_batch=entry["spp"],
         entry=entry,
         skewness={int(size): np.array(table, dtype=np.float64) for size, table in entry["skewness"].items()},
-        closed_form=closed_form(name, parameters),
+        closed_form=closed_form(wanted),
     )
 
 
-def closed_form(name: str, parameters: Mapping[str, str] | None = None) -> Array | None:
+def closed_form(scene: str | Variant, parameters: Mapping[str, str] | None = None) -> Array | None:
     """Exact pixel means (H, W, 3) of a canonical scene, NaN in pixels without; None if there are none."""
-    image = _closed_form(scene_path(name), tuple(sorted((parameters or {}).items())))
+    wanted = scene if isinstance(scene, Variant) else variant(scene, parameters)
+    if not wanted.canonical:
+        return None
+    image = _closed_form(wanted.path, tuple(sorted(wanted.parameters.items())))
     return None if image is None else image.copy()
 
 
@@ -179,11 +268,11 @@ def read_exr(path: Path) -> Array:
     return np.asarray(pixels, dtype=np.float64)[..., [names.index(name) for name in CHANNELS]]
 
 
-def write_reference(label: str, mean: Array, variance_of_mean: Array, entry: Mapping[str, Any]) -> Path:
+def write_reference(of: Variant, mean: Array, variance_of_mean: Array, entry: Mapping[str, Any]) -> Path:
     """Write image and manifest entry, each to a temporary file that then takes its place."""
-    folder = references_dir()
+    folder, label = of.folder, of.label
     folder.mkdir(parents=True, exist_ok=True)
-    pixels = np.concatenate([mean, variance_of_mean], axis=-1).astype(np.float32)
+    pixels = np.ascontiguousarray(np.concatenate([mean, variance_of_mean], axis=-1), dtype=np.float32)
     path = folder / f"{label}.exr"
     with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as scratch:
         image = Path(scratch) / "image.exr"
@@ -199,7 +288,7 @@ def write_reference(label: str, mean: Array, variance_of_mean: Array, entry: Map
         ):
             raise OSError(f"{path}: {file.geterror() if file else oiio.geterror()}")
         listing = Path(scratch) / "manifest.json"
-        manifest = dict(sorted({**read_manifest(), label: dict(entry)}.items()))
+        manifest = dict(sorted({**read_manifest(folder), label: dict(entry)}.items()))
         listing.write_text(dump_manifest(manifest))
         image.replace(path)
         listing.replace(folder / "manifest.json")

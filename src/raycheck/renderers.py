@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -95,11 +95,15 @@ class Command:
     def takes_seed(self) -> bool:
         return self._takes("{seed}")
 
+    def arguments(self, scene: Path, output: Path, spp: int, seed: int) -> list[str]:
+        """The words of one run."""
+        values = {"{output}": str(output), "{scene}": str(scene), "{spp}": str(spp), "{seed}": str(seed)}
+        return [_fill(word, values) for word in self.words]
+
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         with tempfile.TemporaryDirectory(prefix="raycheck-", ignore_cleanup_errors=True) as folder:
             output = Path(folder) / "image.exr"
-            values = {"{output}": str(output), "{scene}": str(scene), "{spp}": str(spp), "{seed}": str(seed)}
-            words = [_fill(word, values) for word in self.words]
+            words = self.arguments(scene, output, spp, seed)
             started = time.perf_counter()
             _run(words, Path(folder) / "messages.txt", timeout)
             seconds = time.perf_counter() - started
@@ -226,6 +230,9 @@ def oneray_path() -> Path:
     raise NotFound(f"oneray was not found ($ONERAY, build/oneray, PATH): build it with make, or {_INSTEAD}")
 
 
-def oneray_command(path: Path, options: Sequence[str]) -> Command:
+def oneray_command(
+    path: Path, options: Sequence[str], parameters: Mapping[str, str] | None = None
+) -> Command:
     words = (str(path), "{scene}", "-o", "{output}", "--spp", "{spp}", "--seed", "{seed}", "--quiet")
-    return Command((*words, *options))
+    settings = (f"-D{name}={value}" for name, value in (parameters or {}).items())
+    return Command((*words, *options, *settings))

@@ -107,7 +107,7 @@ def _section(name: str, oneray: Path, cases: list[dict]) -> SceneSection:
     ours, shown = _render(oneray, name, BEST, PICTURE_SPP)
     stderr = ours.stderr if ours.stderr is not None else np.zeros_like(ours.pixels)
     factor = pictures.exposure(truth.mean)
-    source = "closed form" if truth.closed_form else f"Mitsuba {reference.entry.get('mitsuba_version', '')}"
+    source = "closed form" if truth.closed_form else reference.made_by
     samples = reference.batches * reference.spp_per_batch
     error = pictures.error_map(ours.pixels, truth.mean, np.sqrt(stderr**2 + truth.variance))
     return SceneSection(
@@ -120,7 +120,8 @@ def _section(name: str, oneray: Path, cases: list[dict]) -> SceneSection:
             Picture(pictures.data_uri(error), "oneray − reference, in standard errors"),
         ],
         cases=cases,
-        reference=f"{source}; Mitsuba rendered {samples:,} samples per pixel in {reference.batches} batches",
+        reference=f"{source}; {reference.made_by} rendered {samples:,} samples per pixel "
+        f"in {reference.batches} batches",
     )  # fmt: skip
 
 

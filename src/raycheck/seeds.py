@@ -3,6 +3,9 @@
 import hashlib
 from collections.abc import Collection
 
+FIRST_REFERENCE_SEED = 2**31
+MOST_REFERENCE_SEEDS = 2**16
+
 
 def make_seeds(key: str, count: int, taken: Collection[int] = ()) -> list[int]:
     """`count` different seeds below 2³¹ derived from `key`, none of them in `taken`."""
@@ -17,3 +20,10 @@ def make_seeds(key: str, count: int, taken: Collection[int] = ()) -> list[int]:
             used.add(seed)
             seeds.append(seed)
     return seeds
+
+
+def reference_seed(batch: int) -> int:
+    """The seed of a reference's batch 0, 1, …: at or above 2³¹, where no test's is."""
+    if not 0 <= batch < MOST_REFERENCE_SEEDS:
+        raise ValueError(f"batch {batch}: there are seeds for {MOST_REFERENCE_SEEDS}")
+    return FIRST_REFERENCE_SEED + batch

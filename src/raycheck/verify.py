@@ -5,8 +5,9 @@ import glob
 import json
 import os
 import platform
+import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -31,7 +32,8 @@ from raycheck.pilot import (
     tile_skewness,
 )
 from raycheck.seeds import make_seeds
-from raycheck.techniques import SceneContent, applicable, read_content, technique
+from raycheck.tasks import Agenda, Task, oneray_agenda, renderer_agenda
+from raycheck.techniques import read_content
 from raycheck.tiles import SMALLEST, Tile, region_means
 from raycheck.truth import Truth, truth_of
 from raycheck.verdict import Judgement, Limits, Outcome, judge
@@ -86,6 +88,8 @@ class Case:
     more_samples: float | None = None
     closed_form: bool = False
     """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
+    unbounded: str = ""
+    """What the scene says of samples without bound; no small detectable bias is asked of it then."""
 
 
 @dataclass(frozen=True)
@@ -113,16 +117,6 @@ class Verification:
 
 
 @dataclass(frozen=True)
-class Task:
-    """One case to be judged."""
-
-    scene: str
-    path: Path
-    technique: str
-    renderer: renderers.Renderer
-
-
-@dataclass(frozen=True)
 class Settings:
     thorough: bool = False
     seed: int = 0
@@ -132,8 +126,10 @@ class Settings:
     case_seconds: float = QUICK_CASE_SECONDS
     limits: Limits = Limits()
 
-    def wishes(self, truth: Truth) -> list[Goals]:
-        """Detectable biases to reach, the best first."""
+    def wishes(self, truth: Truth, unbounded: bool) -> list[Goals]:
+        """Detectable biases to reach, the best first; of samples without bound only what a PASS needs."""
+        if unbounded:
+            return [Goals(coarsest=max(truth.shape))]
         if not self.thorough:
             return [Goals(image=0.003), Goals()]
         wishes = [Goals(image, tile_p90=0.01, fineness=0.8, coarsest=16) for image in (0.001, 0.003)]
@@ -144,6 +140,7 @@ def verify(
     renderer: str | Callable[[Path, int, int], ArrayLike] | renderers.Renderer | None = None,
     scenes: Sequence[str | Path] = (),
     *,
+    parameters: Mapping[str, str] | None = None,
     techniques: Sequence[str] = (),
     images: str | Sequence[str | Path] | None = None,
     thorough: bool = False,
@@ -160,14 +157,14 @@ def verify(
     `renderer` is a command with {output} and where it can {scene} {spp} {seed}, a callable render(scene, spp,
     seed) that returns (H, W, 3) linear radiance, or None for oneray with every technique that applies (or
     those named). `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes`
-    are canonical names or scene files; none means all of them. `seconds` is the budget of a quick run.
-    `on_case(case, cases in all)` is called after each verdict. Raises `renderers.NotFound` where nothing can
-    be judged.
+    are canonical names, labels ("furnace@depth=2") or scene files; none means all canonical ones, of which a
+    quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
+    scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
+    quick run. `on_case(case, cases in all)` is called after each verdict. Raises `renderers.NotFound` where
+    nothing can be judged.
     """
     started = time.perf_counter()
-    named = [_scene(scene) for scene in scenes] or [
-        (n, references.scene_path(n)) for n in references.scene_names()
-    ]
+    named = [references.variant(scene, parameters) for scene in scenes or references.scene_names()]
     jobs = jobs or min(2, os.cpu_count() or 1)
     if images is not None:
         if renderer is not None or techniques:
@@ -176,85 +173,56 @@ def verify(
             )
         if len(scenes) != 1:
             raise renderers.NotFound("--images needs one SCENE, the one that the pictures show")
-        cases = [_judge_files(*named[0], _image_paths(images), limits)]
+        cases = [_judge_files(named[0], _image_paths(images), limits)]
         if on_case:
             on_case(cases[0], 1)
-        return Verification(cases, _header(started, cases, thorough, seed, jobs))
-    tasks = list(_tasks(renderer, named, techniques, explicit=bool(scenes)))
-    budget = QUICK_SECONDS if seconds is None else seconds
-    share = THOROUGH_CASE_SECONDS if thorough else min(QUICK_CASE_SECONDS, budget / len(tasks))
-    settings = Settings(
-        thorough=thorough, seed=seed, spp=spp, jobs=jobs, case_seconds=share, limits=limits,
-        timeout=timeout or (600.0 if thorough else 60.0),
-    )  # fmt: skip
-    cases = []
-    truths: dict[str, Truth] = {}
-    contents: dict[str, SceneContent] = {}
-    taken: dict[str, range] = {}
-    for index, task in enumerate(tasks):
-        if task.scene not in truths:
-            reference = references.load_reference(task.scene)
-            truths[task.scene] = truth_of(reference)
-            contents[task.scene] = read_content(task.path)
-            taken[task.scene] = _reference_seeds(reference)
-        if not thorough:
-            left = max(budget - (time.perf_counter() - started), 0.0) / (len(tasks) - index)
-            left = max(left, budget / len(tasks) / 2)  # what came before may not starve the rest
-            settings = Settings(**{**settings.__dict__, "case_seconds": min(QUICK_CASE_SECONDS, left)})
-        case = _judge_task(task, truths[task.scene], contents[task.scene], taken[task.scene], settings)
-        cases.append(case)
-        if on_case:
-            on_case(case, len(tasks))
-    return Verification(cases, _header(started, cases, thorough, seed, jobs))
-
-
-def _scene(scene: str | Path) -> tuple[str, Path]:
-    """Name and file of a canonical scene, or of a file that is one; NotFound otherwise."""
-    names = references.scene_names()
-    if str(scene) in names:
-        return str(scene), references.scene_path(str(scene))
-    path = Path(scene)
-    if not path.is_file():
-        raise renderers.NotFound(f"no scene {scene!s}: there are {', '.join(names)}")
-    if path.stem not in names or path.read_bytes() != references.scene_path(path.stem).read_bytes():
-        raise renderers.NotFound(
-            f"{path}: no reference is known for this file (scripts/make_references.py makes them)"
-        )
-    return path.stem, path
-
-
-def _tasks(
-    renderer: object, named: list[tuple[str, Path]], techniques: Sequence[str], explicit: bool
-) -> Iterator[Task]:
-    if renderer is None:
-        oneray = renderers.oneray_path()
-        try:
-            chosen = [technique(name) for name in techniques]
-        except KeyError as error:
-            raise renderers.NotFound(error.args[0]) from None
-        found = False
-        for name, path in named:
-            possible = applicable(read_content(path))
-            for one in [t for t in possible if t in chosen] if chosen else possible:
-                found = True
-                yield Task(name, path, one.name, renderers.oneray_command(oneray, one.options))
-        if not found:
-            raise renderers.NotFound(
-                f"{', '.join(techniques)} applies to none of {', '.join(n for n, _ in named)}"
-            )
-        return
-    if techniques:
+        return Verification(cases, _header(started, cases, {}, thorough, seed, jobs))
+    if renderer is not None and techniques:
         raise renderers.NotFound(
             "--technique chooses among oneray's techniques: it does not go with --renderer"
         )
-    if isinstance(renderer, str):
-        renderer = renderers.Command.parse(renderer)
-    elif not hasattr(renderer, "render"):
-        renderer = renderers.Function(renderer)
-    if not renderer.takes_scene and (len(named) != 1 or not explicit):
-        raise renderers.NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
-    for name, path in named:
-        yield Task(name, path, "renderer", renderer)
+    budget = QUICK_SECONDS if seconds is None else seconds
+    settings = Settings(
+        thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
+        timeout=timeout or (600.0 if thorough else 60.0),
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
+        if renderer is None:
+            whole = not scenes and not techniques and not parameters
+            agenda = oneray_agenda(
+                named, techniques, cover=whole and not thorough, variants=whole and thorough
+            )
+        else:
+            agenda = renderer_agenda(renderer, named, Path(folder), explicit=bool(scenes))
+        for of in {task.label: task.of for task in agenda.tasks}.values():
+            references.require(of)
+        cases = _judge_all(agenda, settings, budget, started, on_case)
+    return Verification(cases, _header(started, cases, agenda.left_out, thorough, seed, jobs))
+
+
+def _judge_all(
+    agenda: Agenda, settings: Settings, budget: float, started: float,
+    on_case: Callable[[Case, int], None] | None,
+) -> list[Case]:  # fmt: skip
+    """All verdicts, a quick run's within the budget in seconds."""
+    cases: list[Case] = []
+    truths: dict[str, Truth] = {}
+    taken: dict[str, range] = {}
+    for index, task in enumerate(agenda.tasks):
+        if task.label not in truths:
+            reference = references.load_reference(task.of)
+            truths[task.label] = truth_of(reference)
+            taken[task.label] = _reference_seeds(reference)
+        share = THOROUGH_CASE_SECONDS
+        if not settings.thorough:
+            each = budget / len(agenda.tasks)
+            left = max(budget - (time.perf_counter() - started), 0.0) / (len(agenda.tasks) - index)
+            share = min(QUICK_CASE_SECONDS, max(left, each / 2))  # what came before may not starve the rest
+        timed = replace(settings, case_seconds=share)
+        cases.append(_judge_task(task, truths[task.label], taken[task.label], timed))
+        if on_case:
+            on_case(cases[-1], len(agenda.tasks))
+    return cases
 
 
 def _reference_seeds(reference: references.Reference) -> range:
@@ -266,21 +234,22 @@ class _Broken(Exception):
     """An image that a plain check rejects, or none at all: the sentence that says so."""
 
 
-def _judge_task(task: Task, truth: Truth, content: SceneContent, taken: range, settings: Settings) -> Case:
+def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
     started = time.perf_counter()
 
     def case(verdict: Outcome, reason: str, **figures: object) -> Case:
         seconds = time.perf_counter() - started
         closed = truth.closed_form
         return Case(
-            task.scene, task.technique, verdict, reason, seconds=seconds, closed_form=closed, **figures
-        )
+            task.label, task.technique, verdict, reason, seconds=seconds, closed_form=closed,
+            unbounded=task.content.unbounded, **figures,
+        )  # fmt: skip
 
-    key = f"{task.scene}/{task.technique}/{settings.seed}"
+    key = f"{task.label}/{task.technique}/{settings.seed}"
     seeds = make_seeds(key, 1 + PILOT_IMAGES + 2 * BATCHES + TIMING_SEEDS, taken)
     try:
         with _pool(settings.jobs) as pool:
-            return _judge_renders(task, truth, content, seeds, settings, pool, case)
+            return _judge_renders(task, truth, seeds, settings, pool, case)
     except _Broken as error:
         return case(Outcome.FAIL, str(error))
     except renderers.RenderTimeout as error:
@@ -300,7 +269,7 @@ def _pool(jobs: int) -> Iterator[ThreadPoolExecutor]:
 
 
 def _judge_renders(
-    task: Task, truth: Truth, content: SceneContent, seeds: list[int], settings: Settings,
+    task: Task, truth: Truth, seeds: list[int], settings: Settings,
     pool: ThreadPoolExecutor, case: Callable[..., Case],
 ) -> Case:  # fmt: skip
     labels: list[str] = []
@@ -320,14 +289,14 @@ def _judge_renders(
     first_spp = 1 if fixed else PILOT_SPP
     pilot_images, pilot_made = render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
     _seed_check(task, digests, labels, truth)
-    mistake = checks.name_mistake(pilot_images, truth.mean, truth.variance, content.lights, gross=True)
+    mistake = checks.name_mistake(pilot_images, truth.mean, truth.variance, task.content.lights, gross=True)
     if mistake:
         return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
     times = {1: probe[0].seconds, first_spp: min(m.seconds for m in pilot_made)}
     pilot = measure(pilot_images, None if fixed else first_spp, truth, times)
     smallest, spp = SMALLEST, None if fixed else settings.spp
     if not fixed and not settings.spp:
-        chosen = _affordable(pilot, truth, settings)
+        chosen = _affordable(pilot, truth, settings, bool(task.content.unbounded))
         for seed in seeds[-TIMING_SEEDS:]:
             nearer = TIMING_STEP * max(times)
             if chosen.spp <= nearer:
@@ -335,7 +304,7 @@ def _judge_renders(
             times[nearer] = render(nearer, [seed])[1][0].seconds
             start, each = pace(times)
             pilot = replace(pilot, start_seconds=start, sample_seconds=each)
-            chosen = _affordable(pilot, truth, settings)
+            chosen = _affordable(pilot, truth, settings, bool(task.content.unbounded))
         smallest, spp = chosen.smallest, chosen.spp
 
     quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
@@ -356,7 +325,7 @@ def _judge_renders(
     )
     if found.outcome is Outcome.FAIL:
         both = np.concatenate([set_a, set_b])
-        mistake = checks.name_mistake(both, truth.mean, truth.variance, content.lights)
+        mistake = checks.name_mistake(both, truth.mean, truth.variance, task.content.lights)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
     found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
@@ -385,7 +354,7 @@ def _seed_check(task: Task, digests: list[str], labels: list[str], truth: Truth)
         raise _Broken(problem + hint)
 
 
-def _affordable(pilot: Pilot, truth: Truth, settings: Settings) -> Plan:
+def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool) -> Plan:
     """Samples per pixel: what the goals need, at most what the time allows."""
 
     def most(seconds: float) -> int:
@@ -394,7 +363,7 @@ def _affordable(pilot: Pilot, truth: Truth, settings: Settings) -> Plan:
             return MOST_SPP
         return int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
 
-    wishes, limits = settings.wishes(truth), settings.limits
+    wishes, limits = settings.wishes(truth, unbounded), settings.limits
     chosen = plan(pilot, truth, BATCHES, wishes, limits, most(settings.case_seconds))
     if settings.thorough:
         passing = plan(pilot, truth, BATCHES, [Goals()], limits, most(THOROUGH_PASS_SECONDS))
@@ -446,15 +415,22 @@ def _image_paths(images: str | Sequence[str | Path]) -> list[Path]:
     return [Path(p) for p in images]
 
 
-def _judge_files(name: str, path: Path, files: list[Path], limits: Limits) -> Case:
+def _judge_files(of: references.Variant, files: list[Path], limits: Limits) -> Case:
     """Judge pictures that were already rendered, even a single one."""
     started = time.perf_counter()
-    truth = truth_of(references.load_reference(name))
+    truth = truth_of(references.load_reference(of))
 
     def case(verdict: Outcome, reason: str, **figures: object) -> Case:
         seconds, closed = time.perf_counter() - started, truth.closed_form
         return Case(
-            name, "images", verdict, reason, seconds=seconds, closed_form=closed, images=len(files), **figures
+            of.label,
+            "images",
+            verdict,
+            reason,
+            seconds=seconds,
+            closed_form=closed,
+            images=len(files),
+            **figures,
         )
 
     loaded: list[Image] = []
@@ -469,7 +445,7 @@ def _judge_files(name: str, path: Path, files: list[Path], limits: Limits) -> Ca
         return case(Outcome.FAIL, problem)
     images = np.stack([image.pixels for image in loaded])
     coarse = next((image for image in loaded if image.precision != "float"), loaded[0])
-    lights = read_content(path).lights
+    lights = read_content(of.path, of.parameters).lights
     residuals = images - truth.mean
     if coarse.precision == "8-bit":  # what is brighter than white cannot be compared
         residuals = np.where(images > 0.99, images - np.clip(truth.mean, 0, 1), residuals)
@@ -552,7 +528,9 @@ def _interleave(residuals: Array) -> _Interleaved:
     return _Interleaved(residuals, classes)
 
 
-def _header(started: float, cases: list[Case], thorough: bool, seed: int, jobs: int) -> dict[str, object]:
+def _header(
+    started: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int
+) -> dict[str, object]:
     totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {
         "raycheck": raycheck_version(),
@@ -563,6 +541,7 @@ def _header(started: float, cases: list[Case], thorough: bool, seed: int, jobs: 
         "jobs": jobs,
         "alpha": 1e-5,
         "totals": totals | {"seconds": round(time.perf_counter() - started, 1)},
+        "left_out": dict(left_out),
     }
 
 

@@ -1,0 +1,160 @@
+"""What a run of verify judges: cases of a scene and a technique, and which were left out and why."""
+
+import re
+import subprocess
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from raycheck import references, renderers
+from raycheck.references import Variant
+from raycheck.techniques import BEST, SceneContent, Technique, applicable, read_content, technique
+
+COVER = 2
+"""A quick run over all scenes judges each technique on so many of them, and each scene at least once."""
+PROBE_SPP = 16
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case to be judged."""
+
+    of: Variant
+    technique: str
+    renderer: renderers.Renderer
+    path: Path
+    """The scene file that the renderer gets."""
+
+    @property
+    def label(self) -> str:
+        return self.of.label
+
+    @property
+    def content(self) -> SceneContent:
+        return read_content(self.of.path, self.of.parameters)
+
+
+@dataclass
+class Agenda:
+    """The cases of a run."""
+
+    tasks: list[Task] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+    """From "scene, technique" to why it is not judged where it would apply."""
+
+
+def oneray_agenda(
+    scenes: Sequence[Variant], techniques: Sequence[str], *, cover: bool = False, variants: bool = False
+) -> Agenda:
+    """oneray with every technique that applies, or with those named.
+
+    `cover` picks a few cases that take every technique and every scene in. `variants` adds the scenes' other
+    depths, with oneray's default technique.
+    """
+    oneray = renderers.oneray_path()
+    try:
+        chosen = [technique(name) for name in techniques]
+    except KeyError as error:
+        raise renderers.NotFound(error.args[0]) from None
+    agenda = Agenda()
+    pairs = []
+    found = False
+    for of in scenes:
+        for one in applicable(read_content(of.path, of.parameters)):
+            if chosen and one not in chosen:
+                continue
+            found = True
+            refusal = _refusal(oneray, one, of) if "L17" in one.lecture else None
+            if refusal:
+                agenda.left_out[f"{of.label}, {one.name}"] = refusal
+            else:
+                pairs.append((of, one))
+    if not found:
+        raise renderers.NotFound(f"{', '.join(techniques)} applies to none of {_names(scenes)}")
+    if not pairs:
+        raise renderers.NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
+    if cover:
+        pairs = _cover(pairs)
+    if variants:
+        pairs += [(of, _standard(of)) for of in references.ladder() if of.parameters]
+    for of, one in pairs:
+        command = renderers.oneray_command(oneray, one.options, of.parameters)
+        agenda.tasks.append(Task(of, one.name, command, of.path))
+    return agenda
+
+
+def renderer_agenda(
+    renderer: str | Callable[[Path, int, int], ArrayLike] | renderers.Renderer,
+    scenes: Sequence[Variant], folder: Path, *, explicit: bool,
+) -> Agenda:  # fmt: skip
+    """Another renderer on each scene. A scene with other parameters is written into `folder` as a file whose
+    defaults they are. `explicit`: the user named the scenes.
+    """
+    if isinstance(renderer, str):
+        renderer = renderers.Command.parse(renderer)
+    elif not hasattr(renderer, "render"):
+        renderer = renderers.Function(renderer)
+    if not renderer.takes_scene and (len(scenes) != 1 or not explicit):
+        raise renderers.NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
+    paths = [write_variant(of, folder) if of.parameters else of.path for of in scenes]
+    tasks = [Task(of, "renderer", renderer, path) for of, path in zip(scenes, paths, strict=True)]
+    return Agenda(tasks)
+
+
+def write_variant(of: Variant, folder: Path) -> Path:
+    """The scene as a file of its own: parameters as defaults, paths of mesh files absolute."""
+    root = ElementTree.parse(of.path).getroot()
+    for default in root.iter("default"):
+        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
+    for string in root.iter("string"):
+        if string.get("name") == "filename":
+            string.set("value", str((of.path.parent / string.get("value", "")).resolve()))
+    path = folder / f"{re.sub(r'[^-@=,.+A-Za-z0-9_]', '_', of.label)}.xml"
+    ElementTree.ElementTree(root).write(path, encoding="utf-8")
+    return path
+
+
+def _names(scenes: Sequence[Variant]) -> str:
+    return ", ".join(of.label for of in scenes)
+
+
+def _standard(of: Variant) -> Technique:
+    """oneray's default technique for the scene, by the name that says all that it does there."""
+    possible = {one.name: one for one in applicable(read_content(of.path, of.parameters))}
+    return next(possible[name] for name in (BEST, "mis-power", "nee") if name in possible)
+
+
+def _cover(pairs: list[tuple[Variant, Technique]]) -> list[tuple[Variant, Technique]]:
+    """Each technique on `COVER` scenes, those with the fewest cases so far, and each scene at least once."""
+    by_technique: dict[str, list[Variant]] = {}
+    for of, one in pairs:
+        by_technique.setdefault(one.name, []).append(of)
+    taken: set[tuple[str, str]] = set()
+    load: Counter[str] = Counter()
+    for name, scenes in sorted(by_technique.items(), key=lambda item: len(item[1])):
+        for of in sorted(scenes, key=lambda of: (load[of.label], of.label))[:COVER]:
+            taken.add((of.label, name))
+            load[of.label] += 1
+    for of, one in pairs:
+        if not load[of.label]:
+            taken.add((of.label, one.name))
+            load[of.label] += 1
+    return [(of, one) for of, one in pairs if (of.label, one.name) in taken]
+
+
+def _refusal(oneray: Path, one: Technique, of: Variant) -> str | None:
+    """Why light tracing cannot render the scene, in oneray's words; None if it can."""
+    if not read_content(of.path, of.parameters).specular:
+        return None
+    command = renderers.oneray_command(oneray, one.options, of.parameters)
+    with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
+        words = command.arguments(of.path, Path(folder) / "out.exr", PROBE_SPP, 1)
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode == 2 and "mirror or glass" in done.stderr:
+        return done.stderr.strip().splitlines()[-1].removeprefix(f"oneray: {of.path}: ")
+    return None
