@@ -3,7 +3,7 @@
     python scripts/make_pictures.py
 
 lecture.png: the random walk and the walk with next event estimation, 36 samples per pixel each, side by side.
-scenes.png: the canonical scenes, in two rows.
+scenes.png: the canonical scenes, eight in a row.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from raycheck.images import load_image, write_png
 from raycheck.pictures import display, exposure
 from raycheck.renderers import oneray_path
 
-ZOOM_LECTURE, SIDE_SCENE, GAP = 6, 192, 8
+ZOOM_LECTURE, SIDE_SCENE, IN_A_ROW, GAP = 6, 192, 8, 8
 
 
 def render(scene: str, *options: str) -> NDArray[np.float64]:
@@ -57,10 +57,12 @@ def main() -> None:
         picture = render(name, "--spp", "1024")
         shown = display(picture, exposure(references.load_reference(name).mean))
         tiles.append(enlarge(shown, SIDE_SCENE // shown.shape[0]))
-    half = (len(tiles) + 1) // 2
-    rows = [row(tiles[:half]), row(tiles[half:])]
+    blank = np.full_like(tiles[0], 255)
+    tiles += [blank] * (-len(tiles) % IN_A_ROW)
+    rows = [row(tiles[first : first + IN_A_ROW]) for first in range(0, len(tiles), IN_A_ROW)]
     gap = np.full((GAP, rows[0].shape[1], 3), 255, np.uint8)
-    write_png(folder / "scenes.png", np.concatenate([rows[0], gap, rows[1]], axis=0))
+    parts = [part for one in rows for part in (one, gap)][:-1]
+    write_png(folder / "scenes.png", np.concatenate(parts, axis=0))
 
 
 if __name__ == "__main__":

@@ -347,6 +347,20 @@ class TestRun:
         [case] = raycheck.verify(scenes=["area-light"], techniques=["mis-power"], spp=16).cases
         assert case.verdict is not Outcome.FAIL
 
+    def test_resumed(self, truth):
+        """A verdict stands while renderer, settings and reference are the same, and falls with any of them."""
+        calls = []
+
+        def counting(mean):
+            return lambda scene, spp, seed: calls.append(seed) or noisy(mean)(scene, spp, seed)
+
+        first = judged(counting(truth))
+        assert len(calls) > 64
+        calls.clear()
+        assert judged(counting(truth), earlier=[first]) == first and len(calls) == 1
+        assert judged(counting(1.03 * truth), earlier=[first]).verdict is Outcome.FAIL
+        assert judged(counting(truth), earlier=[first], seed=1).fingerprint != first.fingerprint
+
     def test_runs_without_oneray_and_mitsuba(self, tmp_path):
         """A student's machine: no compiler, no oneray, no Mitsuba."""
         program = """

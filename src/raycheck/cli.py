@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+from collections.abc import Callable
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -91,6 +92,12 @@ def verify(
     thorough: Annotated[
         bool, typer.Option("--thorough", help="As many samples as the committed result has.")
     ] = False,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Keep the verdicts of --json FILE whose renderer and reference are the same."
+        ),
+    ] = False,
     seed: Annotated[int, typer.Option(help="Another number gives all-new samples.")] = 0,
     spp: Annotated[int | None, typer.Option(min=1, help="Samples per pixel of each judged image.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Renders at a time, 2 by default.")] = None,
@@ -101,14 +108,17 @@ def verify(
     """
     _writable(json_file)
     with _progress("verifying") as on_case, _plain_errors():
+        if resume and json_file is None:
+            raise NotFound("--resume goes on with the run in --json FILE: name it")
+        kept = Verification.read(json_file).cases if resume and json_file.is_file() else []
         result = run_verification(
             renderer, scenes or (), parameters=parse_settings(settings), techniques=technique or (),
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout,
-            on_case=on_case,
+            earlier=kept, on_case=_saving(json_file, kept, on_case) if thorough else on_case,
         )  # fmt: skip
     show(result)
     if json_file:
-        json_file.write_text(result.to_json(), encoding="utf-8")
+        _replace(json_file, result.to_json())
     raise typer.Exit(result.exit_status)
 
 
@@ -333,6 +343,29 @@ def _plain_errors():
     except KeyboardInterrupt:
         typer.echo("raycheck: interrupted", err=True)
         raise typer.Exit(130) from None
+
+
+def _saving(
+    path: Path | None, kept: list[Case], on_case: Callable[[Case, int], None] | None
+) -> Callable[[Case, int], None]:
+    """Writes each verdict as it comes, beside those kept: a long run can be interrupted and resumed."""
+    done: dict[tuple[str, str], Case] = {(case.scene, case.technique): case for case in kept}
+
+    def save(case: Case, total: int) -> None:
+        done[case.scene, case.technique] = case
+        if path:
+            _replace(path, Verification(list(done.values())).to_json())
+        if on_case:
+            on_case(case, total)
+
+    return save
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file as a whole or not at all."""
+    partial = path.with_name(f".{path.name}.part")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
 
 
 def _writable(path: Path | None) -> None:

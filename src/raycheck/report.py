@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
@@ -84,15 +84,13 @@ def _verdicts(path: Path | None, on_case: Callable[[Case, int], None] | None) ->
     if path is None:
         result: Verification = verify(on_case=on_case)
         return json.loads(result.to_json())
+    found = Verification.read(path)
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        found["cases"] = [asdict(Case(**case)) for case in found["cases"]]
-        found = {key: found[key] for key in ("cases", "mode", "date", "machine", "totals")}
-    except OSError as error:
-        raise NotFound(f"{path}: {error.strerror}") from None
-    except (ValueError, TypeError, KeyError) as error:
-        raise NotFound(f"{path}: not a result of raycheck verify --json ({error})") from None
-    return found
+        return json.loads(found.to_json()) | {
+            key: found.header[key] for key in ("mode", "date", "machine", "totals")
+        }
+    except KeyError as error:
+        raise NotFound(f"{path}: an unfinished result of raycheck verify --json (no {error})") from None
 
 
 def _template() -> jinja2.Template:

@@ -2,6 +2,7 @@
 
 import datetime
 import glob
+import hashlib
 import json
 import os
 import platform
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -90,6 +92,10 @@ class Case:
     """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
     unbounded: str = ""
     """What the scene says of samples without bound; no small detectable bias is asked of it then."""
+    fingerprint: str = ""
+    """Of the reference, the settings and the renderer's first picture: a case that has it need not be judged
+    again.
+    """
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,18 @@ class Verification:
         """1 if any FAIL, else 3 if any INCONCLUSIVE, else 0."""
         outcomes = {case.verdict for case in self.cases}
         return 1 if Outcome.FAIL in outcomes else 3 if Outcome.INCONCLUSIVE in outcomes else 0
+
+    @classmethod
+    def read(cls, path: Path) -> "Verification":
+        """What `to_json` wrote; NotFound if it is anything else."""
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            cases = [Case(**{**case, "verdict": Outcome(case["verdict"])}) for case in found.pop("cases")]
+        except OSError as error:
+            raise renderers.NotFound(f"{path}: {error.strerror}") from None
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise renderers.NotFound(f"{path}: not a result of raycheck verify --json ({error})") from None
+        return cls(cases, found)
 
     def to_json(self) -> str:
         cases = [asdict(case) for case in self.cases]
@@ -125,6 +143,8 @@ class Settings:
     timeout: float = 60.0
     case_seconds: float = QUICK_CASE_SECONDS
     limits: Limits = Limits()
+    earlier: Mapping[str, Case] = field(default_factory=dict)
+    """Verdicts that stand, by fingerprint."""
 
     def wishes(self, truth: Truth, unbounded: bool) -> list[Goals]:
         """Detectable biases to reach, the best first; of samples without bound only what a PASS needs."""
@@ -150,6 +170,7 @@ def verify(
     seconds: float | None = None,
     timeout: float | None = None,
     limits: Limits = Limits(),
+    earlier: Sequence[Case] = (),
     on_case: Callable[[Case, int], None] | None = None,
 ) -> Verification:
     """Judge a renderer on scenes that have references.
@@ -160,7 +181,8 @@ def verify(
     are canonical names, labels ("furnace@depth=2") or scene files; none means all canonical ones, of which a
     quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
     scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
-    quick run. `on_case(case, cases in all)` is called after each verdict. Raises `renderers.NotFound` where
+    quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
+    same. `on_case(case, cases in all)` is called after each verdict. Raises `renderers.NotFound` where
     nothing can be judged.
     """
     started = time.perf_counter()
@@ -185,6 +207,7 @@ def verify(
     settings = Settings(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
         timeout=timeout or (600.0 if thorough else 60.0),
+        earlier={case.fingerprint: case for case in earlier if case.fingerprint},
     )  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         if renderer is None:
@@ -286,6 +309,10 @@ def _judge_renders(
 
     fixed = not task.renderer.takes_spp
     _, probe = render(1, seeds[:1])
+    fingerprint = _fingerprint(task, digests[0], settings)
+    if fingerprint in settings.earlier:
+        return settings.earlier[fingerprint]
+    case = partial(case, fingerprint=fingerprint)
     first_spp = 1 if fixed else PILOT_SPP
     pilot_images, pilot_made = render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
     _seed_check(task, digests, labels, truth)
@@ -329,6 +356,13 @@ def _judge_renders(
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
     found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
+
+
+def _fingerprint(task: Task, picture: str, settings: Settings) -> str:
+    entry = references.require(task.of)
+    what = (task.label, task.technique, picture, entry["hash"], entry["date"], entry["batches"])
+    how = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
+    return hashlib.blake2b(repr((what, how)).encode(), digest_size=16).hexdigest()
 
 
 def _render(task: Task, truth: Truth, spp: int, seed: int, timeout: float) -> renderers.Rendering:
@@ -531,6 +565,7 @@ def _interleave(residuals: Array) -> _Interleaved:
 def _header(
     started: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int
 ) -> dict[str, object]:
+    spent = time.perf_counter() - started
     totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {
         "raycheck": raycheck_version(),
@@ -540,7 +575,7 @@ def _header(
         "seed": seed,
         "jobs": jobs,
         "alpha": 1e-5,
-        "totals": totals | {"seconds": round(time.perf_counter() - started, 1)},
+        "totals": totals | {"seconds": round(max(spent, sum(case.seconds for case in cases)), 1)},
         "left_out": dict(left_out),
     }
 
