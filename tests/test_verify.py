@@ -348,7 +348,7 @@ class TestRun:
         assert case.verdict is not Outcome.FAIL
 
     def test_resumed(self, truth):
-        """A verdict stands while renderer, settings and reference are the same, and falls with any of them."""
+        """A verdict stands while renderer, settings and reference are the same, else it falls."""
         calls = []
 
         def counting(mean):
