@@ -92,7 +92,7 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
 
     worst = np.unravel_index(int(np.argmax(z)), z.shape)
     amount = f"{words.signed(bias[worst] / scale[worst])} ± {words.percent(half[worst] / scale[worst])}"
-    where = "the image mean" if worst[0] == 0 else f"the tile at {place(regions[worst[0]], height, width)}"
+    where = _place(regions[worst[0]], height, width)
     if p.min() <= ALPHA:
         outcome = Outcome.FAIL
         sentence = checks.name_mistake(b.pixels[None], a.pixels, variance)
@@ -107,12 +107,9 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
         outcome = Outcome.INCONCLUSIVE
         wide = np.unravel_index(int(np.argmax(np.where(inside, 0, half / scale))), half.shape)
         more = float(np.max(np.where(inside, 1.0, ((half + 2.5 * error) / limit) ** 2)))
-        place_of = (
-            "the image mean" if wide[0] == 0 else f"the tile at {place(regions[wide[0]], height, width)}"
-        )
         reason = (
-            f"too noisy to say: {place_of} may differ by {words.percent(half[wide] / scale[wide])}; about "
-            f"{more:.2g} times the samples would decide"
+            f"too noisy to say: {_place(regions[wide[0]], height, width)} may differ by "
+            f"{words.percent(half[wide] / scale[wide])}; about {more:.2g} times the samples would decide"
         )
     channel = int(np.argmax(z[0]))
     return Comparison(
@@ -124,6 +121,12 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
         mde_tile_p90=float(np.quantile(detectable[1:].max(axis=1), 0.9, method="higher")),
         tiles=len(regions) - 1,
     )  # fmt: skip
+
+
+def _place(region: Tile, height: int, width: int) -> str:
+    return (
+        "the image mean" if region == whole(height, width) else f"the tile at {place(region, height, width)}"
+    )
 
 
 def _tiles(size: Array, variance: Array) -> list[Tile]:

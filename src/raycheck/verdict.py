@@ -151,29 +151,16 @@ def judge(
     detectable = st.detectable_bias(one, two, level, allowance) / scale
     worst_of_tile = detectable[1:].max(axis=1) if len(detectable) > 1 else detectable[:1].max(axis=1)
 
-    threshold = np.full(p.shape, SHARE_TILES * alpha)
-    threshold[0] = SHARE_IMAGE * alpha
-    different = adjusted <= threshold
-    order = np.argsort(np.where(different, p, 2.0), axis=None, kind="stable")[: int(different.sum())]
-    findings = [_finding(int(i), both, low, high, scale, adjusted) for i in order]
-    findings.sort(key=lambda f: f.region != 0)
-    half = np.where(inside, 0.0, (high - low) / 2 / scale)
-    wide = np.argsort(-half, axis=None, kind="stable")[: int((~inside).sum())]
-
+    findings = _different(both, low, high, scale, p, adjusted, alpha)
     heavy_regions = int(heavy.any(axis=1).sum())
     too_heavy = heavy_regions > 2 + 0.02 * len(heavy)  # chance alone gives a few
-    if fails:
-        outcome = Outcome.FAIL
-    elif inside.all() and not too_heavy:
-        outcome = Outcome.PASS
-    else:
-        outcome = Outcome.INCONCLUSIVE
+    passes = inside.all() and not too_heavy
     t = np.abs(both.bias[0]) / np.where(
         both.exact[0], np.maximum(allowance[0], 1e-300), both.standard_error[0]
     )
     channel = int(np.argmax(t))
     return Judgement(
-        outcome=outcome,
+        outcome=Outcome.FAIL if fails else Outcome.PASS if passes else Outcome.INCONCLUSIVE,
         channel=channel,
         bias=float(both.bias[0, channel] / scale[0, channel]),
         bias_low=float(low[0, channel] / scale[0, channel]),
@@ -185,11 +172,32 @@ def judge(
         p_tile=float(p_tile.min(initial=1.0)),
         p_omnibus=p_omnibus,
         findings=findings,
-        undecided=[_finding(int(i), both, low, high, scale, adjusted) for i in wide],
+        undecided=_too_wide(both, low, high, scale, adjusted, inside),
         more_samples=_more_samples(one, both, low, high, inside, too_heavy, expected, limits, scale, level),
         heavy_tailed=heavy_regions,
         tile_differences=len({f.region for f in findings if f.region > 0}),
     )
+
+
+def _different(
+    both: st.Moments, low: Array, high: Array, scale: Array, p: Array, adjusted: Array, alpha: float
+) -> list[Finding]:
+    """What differs at its level, the image's channels first, then the surest."""
+    threshold = np.full(p.shape, SHARE_TILES * alpha)
+    threshold[0] = SHARE_IMAGE * alpha
+    different = adjusted <= threshold
+    order = np.argsort(np.where(different, p, 2.0), axis=None, kind="stable")[: int(different.sum())]
+    findings = [_finding(int(i), both, low, high, scale, adjusted) for i in order]
+    return sorted(findings, key=lambda f: f.region != 0)
+
+
+def _too_wide(
+    both: st.Moments, low: Array, high: Array, scale: Array, adjusted: Array, inside: Array
+) -> list[Finding]:
+    """What is not known to lie within its limits, the least known first."""
+    half = np.where(inside, 0.0, (high - low) / 2 / scale)
+    order = np.argsort(-half, axis=None, kind="stable")[: int((~inside).sum())]
+    return [_finding(int(i), both, low, high, scale, adjusted) for i in order]
 
 
 def _heavy(found: st.Moments) -> NDArray[np.bool_]:

@@ -189,13 +189,7 @@ def verify(
     named = [references.variant(scene, parameters) for scene in scenes or references.scene_names()]
     jobs = jobs or min(2, os.cpu_count() or 1)
     if images is not None:
-        if renderer is not None or techniques:
-            raise renderers.NotFound(
-                "--images judges pictures: it goes with neither --renderer nor --technique"
-            )
-        if len(scenes) != 1:
-            raise renderers.NotFound("--images needs one SCENE, the one that the pictures show")
-        cases = [_judge_files(named[0], _image_paths(images), limits)]
+        cases = [_judge_pictures(named, len(scenes), images, bool(renderer or techniques), limits)]
         if on_case:
             on_case(cases[0], 1)
         return Verification(cases, _header(started, cases, {}, thorough, seed, jobs))
@@ -221,6 +215,21 @@ def verify(
             references.require(of)
         cases = _judge_all(agenda, settings, budget, started, on_case)
     return Verification(cases, _header(started, cases, agenda.left_out, thorough, seed, jobs))
+
+
+def _judge_pictures(
+    named: Sequence[references.Variant],
+    scenes: int,
+    images: str | Sequence[str | Path],
+    more: bool,
+    limits: Limits,
+) -> Case:
+    """The verdict on pictures that are already rendered; NotFound where the request makes no sense."""
+    if more:
+        raise renderers.NotFound("--images judges pictures: it goes with neither --renderer nor --technique")
+    if scenes != 1:
+        raise renderers.NotFound("--images needs one SCENE, the one that the pictures show")
+    return _judge_files(named[0], _image_paths(images), limits)
 
 
 def _judge_all(
@@ -272,7 +281,7 @@ def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> C
     seeds = make_seeds(key, 1 + PILOT_IMAGES + 2 * BATCHES + TIMING_SEEDS, taken)
     try:
         with _pool(settings.jobs) as pool:
-            return _judge_renders(task, truth, seeds, settings, pool, case)
+            return _judge_renders(_Trial(task, truth, settings, pool), seeds, case)
     except _Broken as error:
         return case(Outcome.FAIL, str(error))
     except renderers.RenderTimeout as error:
@@ -291,68 +300,86 @@ def _pool(jobs: int) -> Iterator[ThreadPoolExecutor]:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _judge_renders(
-    task: Task, truth: Truth, seeds: list[int], settings: Settings,
-    pool: ThreadPoolExecutor, case: Callable[..., Case],
-) -> Case:  # fmt: skip
-    labels: list[str] = []
-    digests: list[str] = []
+@dataclass
+class _Trial:
+    """The renders of one case: each goes through the plain checks, and no two may be the same."""
 
-    def render(spp: int, some: Sequence[int]) -> tuple[Array, list[renderers.Rendering]]:
-        """Images of some seeds, (B, H, W, 3), each through the plain checks."""
-        made = list(pool.map(lambda s: _render(task, truth, spp, s, settings.timeout), some))
-        labels.extend(
-            f"seed {s}" if task.renderer.takes_seed else f"run {len(labels) + i}" for i, s in enumerate(some)
+    task: Task
+    truth: Truth
+    settings: Settings
+    pool: ThreadPoolExecutor
+    labels: list[str] = field(default_factory=list)
+    digests: list[str] = field(default_factory=list)
+
+    def render(self, spp: int, seeds: Sequence[int]) -> tuple[Array, list[renderers.Rendering]]:
+        """Images of some seeds, (B, H, W, 3)."""
+        task, truth, timeout = self.task, self.truth, self.settings.timeout
+        made = list(self.pool.map(lambda s: _render(task, truth, spp, s, timeout), seeds))
+        first = len(self.labels)
+        self.labels.extend(
+            f"seed {seed}" if task.renderer.takes_seed else f"run {first + i}" for i, seed in enumerate(seeds)
         )
-        digests.extend(checks.digest(m.image) for m in made)
+        self.digests.extend(checks.digest(m.image) for m in made)
         return np.stack([m.image.pixels for m in made]), made
 
-    fixed = not task.renderer.takes_spp
-    _, probe = render(1, seeds[:1])
-    fingerprint = _fingerprint(task, digests[0], settings)
+    def check_seeds(self) -> None:
+        problem = checks.seed_problem(self.digests, self.labels, self.truth.varies)
+        if problem:
+            hint = "; without {seed} in the command runs must differ by themselves"
+            raise _Broken(problem + ("" if self.task.renderer.takes_seed else hint))
+
+    def mistake(self, images: Array, gross: bool = False) -> str | None:
+        lights = self.task.content.lights
+        return checks.name_mistake(images, self.truth.mean, self.truth.variance, lights, gross=gross)
+
+    def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int]) -> tuple[Pilot, Plan]:
+        """How many samples to take, and the pilot with times from nearer to them."""
+        chosen = _affordable(pilot, self.truth, self.settings, bool(self.task.content.unbounded))
+        for seed in seeds:
+            nearer = TIMING_STEP * max(times)
+            if chosen.spp <= nearer:
+                break
+            times[nearer] = self.render(nearer, [seed])[1][0].seconds
+            start, each = pace(times)
+            pilot = replace(pilot, start_seconds=start, sample_seconds=each)
+            chosen = _affordable(pilot, self.truth, self.settings, bool(self.task.content.unbounded))
+        return pilot, chosen
+
+
+def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -> Case:
+    truth, settings = trial.truth, trial.settings
+    fixed = not trial.task.renderer.takes_spp
+    _, probe = trial.render(1, seeds[:1])
+    fingerprint = _fingerprint(trial.task, trial.digests[0], settings)
     if fingerprint in settings.earlier:
         return settings.earlier[fingerprint]
     case = partial(case, fingerprint=fingerprint)
     first_spp = 1 if fixed else PILOT_SPP
-    pilot_images, pilot_made = render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
-    _seed_check(task, digests, labels, truth)
-    mistake = checks.name_mistake(pilot_images, truth.mean, truth.variance, task.content.lights, gross=True)
+    pilot_images, pilot_made = trial.render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
+    trial.check_seeds()
+    mistake = trial.mistake(pilot_images, gross=True)
     if mistake:
         return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
     times = {1: probe[0].seconds, first_spp: min(m.seconds for m in pilot_made)}
     pilot = measure(pilot_images, None if fixed else first_spp, truth, times)
     smallest, spp = SMALLEST, None if fixed else settings.spp
     if not fixed and not settings.spp:
-        chosen = _affordable(pilot, truth, settings, bool(task.content.unbounded))
-        for seed in seeds[-TIMING_SEEDS:]:
-            nearer = TIMING_STEP * max(times)
-            if chosen.spp <= nearer:
-                break
-            times[nearer] = render(nearer, [seed])[1][0].seconds
-            start, each = pace(times)
-            pilot = replace(pilot, start_seconds=start, sample_seconds=each)
-            chosen = _affordable(pilot, truth, settings, bool(task.content.unbounded))
+        pilot, chosen = trial.plan(pilot, times, seeds[-TIMING_SEEDS:])
         smallest, spp = chosen.smallest, chosen.spp
 
     quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
     regions = truth.regions(spp or 1, pilot.skewness, smallest)
     second = 1 + PILOT_IMAGES + BATCHES
-    set_a, _ = render(spp or 1, seeds[1 + PILOT_IMAGES : second])
-    set_b, _ = render(spp or 1, seeds[second : second + BATCHES])
-    _seed_check(task, digests, labels, truth)
+    set_a, _ = trial.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
+    set_b, _ = trial.render(spp or 1, seeds[second : second + BATCHES])
+    trial.check_seeds()
     target = region_means(truth.mean, regions)
-    expected = truth.expected(
-        regions, (spp or 1) / (pilot.noise if fixed else max(pilot.noise, 1.0)), quantum
-    )
-    found = judge(
-        region_means(set_a, regions) - target,
-        region_means(set_b, regions) - target,
-        expected,
-        settings.limits,
-    )
+    noise = pilot.noise if fixed else max(pilot.noise, 1.0)
+    expected = truth.expected(regions, (spp or 1) / noise, quantum)
+    residuals = (region_means(images, regions) - target for images in (set_a, set_b))
+    found = judge(*residuals, expected, settings.limits)
     if found.outcome is Outcome.FAIL:
-        both = np.concatenate([set_a, set_b])
-        mistake = checks.name_mistake(both, truth.mean, truth.variance, task.content.lights)
+        mistake = trial.mistake(np.concatenate([set_a, set_b]))
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
     found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
@@ -375,17 +402,6 @@ def _contract(image: Image, truth: Truth, label: str) -> None:
     problem = checks.size_problem(image, *truth.shape) or checks.number_problem(image)
     if problem:
         raise _Broken(f"{problem} ({label})" if label else problem)
-
-
-def _seed_check(task: Task, digests: list[str], labels: list[str], truth: Truth) -> None:
-    problem = checks.seed_problem(digests, labels, truth.varies)
-    if problem:
-        hint = (
-            ""
-            if task.renderer.takes_seed
-            else "; without {seed} in the command runs must differ by themselves"
-        )
-        raise _Broken(problem + hint)
 
 
 def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool) -> Plan:
