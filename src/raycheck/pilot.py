@@ -137,17 +137,17 @@ class Plan:
 
 
 def plan(
-    pilot: Pilot, truth: Truth, batches: int, wishes: Sequence[Goals], limits: Limits, most: int
+    pilot: Pilot, truth: Truth, batches: int, wishes: Sequence[tuple[Goals, int]], limits: Limits
 ) -> Plan:
-    """The fewest samples ≤ `most` (1, 2, 3, 4, 6, 8, 12, …) at which a PASS and the first reachable wish are
-    expected.
+    """The fewest samples (1, 2, 3, 4, 6, 8, 12, …) at which a PASS and the first reachable wish are expected.
 
-    Where `most` does not suffice for a wish, larger tiles are tried, then the next wish; at last all of
-    `most`.
+    A wish is goals and the most samples that they are worth. Where those do not suffice, larger tiles are
+    tried, then the next wish; at last all that the last wish allows.
     """
     steps = sorted({k << i for k in (2, 3) for i in range(24)} | {1})
-    affordable = [spp for spp in steps if spp <= most] or [1]
-    for goals in wishes:
+    affordable = [1]
+    for goals, most in wishes:
+        affordable = [spp for spp in steps if spp <= most] or [1]
         smallest = SMALLEST
         while smallest <= goals.coarsest:
             best = Plan(affordable[-1], smallest)

@@ -53,9 +53,10 @@ short render's time says little of a long one's.
 QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""
 QUICK_CASE_SECONDS = 20.0
-THOROUGH_CASE_SECONDS = 20.0
-THOROUGH_PASS_SECONDS = 75.0
-"""A thorough case takes the first to see small biases, the second where it needs them for a PASS."""
+FINE_SECONDS, THOROUGH_SECONDS = 8.0, 75.0
+"""A thorough case takes the second, where it needs them, to see a bias of 0.3 % of the image, and no more than
+the first to see smaller ones, and 1 % of most tiles.
+"""
 MOST_SPP = 1 << 16
 
 
@@ -146,14 +147,20 @@ class Settings:
     earlier: Mapping[str, Case] = field(default_factory=dict)
     """Verdicts that stand, by fingerprint."""
 
-    def wishes(self, truth: Truth, unbounded: bool) -> list[Goals]:
-        """Detectable biases to reach, the best first; of samples without bound only what a PASS needs."""
+    def wishes(self, truth: Truth, unbounded: bool) -> list[tuple[Goals, float]]:
+        """Detectable biases to reach and the seconds that they are worth, the best first; of samples without
+        bound only what a PASS needs.
+        """
+        most = THOROUGH_SECONDS if self.thorough else self.case_seconds
         if unbounded:
-            return [Goals(coarsest=max(truth.shape))]
+            return [(Goals(coarsest=max(truth.shape)), most)]
         if not self.thorough:
-            return [Goals(image=0.003), Goals()]
-        wishes = [Goals(image, tile_p90=0.01, fineness=0.8, coarsest=16) for image in (0.001, 0.003)]
-        return [*wishes[0 if truth.closed_form else 1 :], Goals(coarsest=16)]
+            return [(Goals(image=0.003), most), (Goals(), most)]
+        fine = [
+            (Goals(image, tile_p90=0.01, fineness=0.8, coarsest=16), FINE_SECONDS) for image in (0.001, 0.003)
+        ]
+        coarse = [(Goals(0.003, coarsest=16), most), (Goals(coarsest=16), most)]
+        return [*fine[0 if truth.closed_form else 1 :], *coarse]
 
 
 def verify(
@@ -245,7 +252,7 @@ def _judge_all(
             reference = references.load_reference(task.of)
             truths[task.label] = truth_of(reference)
             taken[task.label] = _reference_seeds(reference)
-        share = THOROUGH_CASE_SECONDS
+        share = THOROUGH_SECONDS
         if not settings.thorough:
             each = budget / len(agenda.tasks)
             left = max(budget - (time.perf_counter() - started), 0.0) / (len(agenda.tasks) - index)
@@ -413,12 +420,8 @@ def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool)
             return MOST_SPP
         return int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
 
-    wishes, limits = settings.wishes(truth, unbounded), settings.limits
-    chosen = plan(pilot, truth, BATCHES, wishes, limits, most(settings.case_seconds))
-    if settings.thorough:
-        passing = plan(pilot, truth, BATCHES, [Goals()], limits, most(THOROUGH_PASS_SECONDS))
-        chosen = passing if passing.spp > chosen.spp else chosen
-    return chosen
+    wishes = [(goals, most(seconds)) for goals, seconds in settings.wishes(truth, unbounded)]
+    return plan(pilot, truth, BATCHES, wishes, settings.limits)
 
 
 def _sentence(
