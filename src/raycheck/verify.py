@@ -54,8 +54,8 @@ QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""
 QUICK_CASE_SECONDS = 20.0
 FINE_SECONDS, THOROUGH_SECONDS = 8.0, 75.0
-"""A thorough case takes the second, where it needs them, to see a bias of 0.3 % of the image, and no more than
-the first to see smaller ones, and 1 % of most tiles.
+"""A thorough case takes up to the second to see a bias of 0.3 % of the image, and up to the first to see
+smaller ones and 1 % of most tiles.
 """
 MOST_SPP = 1 << 16
 
