@@ -53,6 +53,8 @@ short render's time says little of a long one's.
 QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""
 QUICK_CASE_SECONDS = 20.0
+THOROUGH_IMAGE = 0.0027
+"""Detectable bias of the image that a thorough case plans for, so that chance leaves it below 0.3 %."""
 FINE_SECONDS, THOROUGH_SECONDS = 8.0, 75.0
 """A thorough case takes up to the second to see a bias of 0.3 % of the image, and up to the first to see
 smaller ones and 1 % of most tiles.
@@ -157,9 +159,10 @@ class Settings:
         if not self.thorough:
             return [(Goals(image=0.003), most), (Goals(), most)]
         fine = [
-            (Goals(image, tile_p90=0.01, fineness=0.8, coarsest=16), FINE_SECONDS) for image in (0.001, 0.003)
+            (Goals(image, tile_p90=0.01, fineness=0.8, coarsest=16), FINE_SECONDS)
+            for image in (0.001, THOROUGH_IMAGE)
         ]
-        coarse = [(Goals(0.003, coarsest=16), most), (Goals(coarsest=16), most)]
+        coarse = [(Goals(THOROUGH_IMAGE, coarsest=16), most), (Goals(coarsest=16), most)]
         return [*fine[0 if truth.closed_form else 1 :], *coarse]
 
 
