@@ -199,6 +199,7 @@ FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
     "spherical-light": spherical_light,
     "area-light": rectangle_lights,
     "occluded-lights": rectangle_lights,
+    "touching-light": rectangle_lights,
     "many-lights": rectangle_lights,
     "mirror-light": mirror_light,
     "furnace": furnace,

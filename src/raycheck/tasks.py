@@ -38,6 +38,12 @@ class Task:
     def content(self) -> SceneContent:
         return read_content(self.of.path, self.of.parameters)
 
+    @property
+    def unbounded(self) -> bool:
+        """Marked in the scene as having samples without bound; another renderer's may be of any kind."""
+        marked = self.content.unbounded
+        return self.technique in marked or (self.technique == "renderer" and bool(marked))
+
 
 @dataclass
 class Agenda:

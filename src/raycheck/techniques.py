@@ -34,9 +34,9 @@ class SceneContent:
     specular: bool = False
     """Mirrors, glass or mixed materials are about, which light paths cannot be joined to the eye at."""
     hide_emitters: bool = False
-    unbounded: str = ""
-    """What the scene says of techniques whose samples have no bound, so that their variance may be infinite;
-    empty where there are none.
+    unbounded: frozenset[str] = frozenset()
+    """Techniques that the scene's comment says have samples without bound ("Unbounded: nee, light: why"), so
+    that their variance may be infinite.
     """
 
     @property
@@ -72,7 +72,7 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
     kinds = [emitter.get("type", "") for emitter in root.iter("emitter")]
     shining = [s.get("type", "") for s in root.iter("shape") if s.find("emitter") is not None]
     materials = {bsdf.get("type", "") for bsdf in root.iter("bsdf")}
-    unbounded = re.search(r"^\s*Unbounded: (.*?)(?=\n\s*\n|-->)", text, re.MULTILINE | re.DOTALL)
+    unbounded = re.search(r"^\s*Unbounded: ([-a-z, ]+):", text, re.MULTILINE)
     return SceneContent(
         lights=len(kinds),
         delta_lights=sum(kind in DELTA_LIGHTS for kind in kinds),
@@ -83,7 +83,7 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
         faces=sum(kind in MANY_FACES for kind in shining),
         specular=bool(materials & SPECULAR),
         hide_emitters=setting("boolean", "hide_emitters", "false") == "true",
-        unbounded=" ".join(unbounded.group(1).split()) if unbounded else "",
+        unbounded=frozenset(unbounded.group(1).replace(" ", "").split(",") if unbounded else ()),
     )
 
 

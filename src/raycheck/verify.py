@@ -93,8 +93,8 @@ class Case:
     more_samples: float | None = None
     closed_form: bool = False
     """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
-    unbounded: str = ""
-    """What the scene says of samples without bound; no small detectable bias is asked of it then."""
+    unbounded: bool = False
+    """The scene says that this technique's samples have no bound: no small detectable bias is asked then."""
     fingerprint: str = ""
     """Of the reference, the settings and the renderer's first picture: a case that has it need not be judged
     again.
@@ -284,7 +284,7 @@ def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> C
         closed = truth.closed_form
         return Case(
             task.label, task.technique, verdict, reason, seconds=seconds, closed_form=closed,
-            unbounded=task.content.unbounded, **figures,
+            unbounded=task.unbounded, **figures,
         )  # fmt: skip
 
     key = f"{task.label}/{task.technique}/{settings.seed}"
@@ -344,7 +344,7 @@ class _Trial:
 
     def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int]) -> tuple[Pilot, Plan]:
         """How many samples to take, and the pilot with times from nearer to them."""
-        chosen = _affordable(pilot, self.truth, self.settings, bool(self.task.content.unbounded))
+        chosen = _affordable(pilot, self.truth, self.settings, self.task.unbounded)
         for seed in seeds:
             nearer = TIMING_STEP * max(times)
             if chosen.spp <= nearer:
@@ -352,7 +352,7 @@ class _Trial:
             times[nearer] = self.render(nearer, [seed])[1][0].seconds
             start, each = pace(times)
             pilot = replace(pilot, start_seconds=start, sample_seconds=each)
-            chosen = _affordable(pilot, self.truth, self.settings, bool(self.task.content.unbounded))
+            chosen = _affordable(pilot, self.truth, self.settings, self.task.unbounded)
         return pilot, chosen
 
 
