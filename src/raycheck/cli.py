@@ -239,7 +239,8 @@ def _make_references(
                 f"{of.label}: {entry['batches']} batches, {words.duration(entry['seconds'])}, standard error "
                 f"{words.percent(entry['image_error'])} of the image and "
                 f"{words.percent(entry['tile_error_p90'])} of nine tenths of the tiles: "
-                f"{of.folder / of.label}.exr"
+                f"{of.folder / of.label}.exr",
+                soft_wrap=True,
             )
 
 

@@ -360,7 +360,7 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
     truth, settings = trial.truth, trial.settings
     fixed = not trial.task.renderer.takes_spp
     _, probe = trial.render(1, seeds[:1])
-    fingerprint = _fingerprint(trial.task, trial.digests[0], settings)
+    fingerprint = _fingerprint(trial.task, trial.digests[0], truth, settings)
     if fingerprint in settings.earlier:
         return settings.earlier[fingerprint]
     case = partial(case, fingerprint=fingerprint)
@@ -395,9 +395,8 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
 
 
-def _fingerprint(task: Task, picture: str, settings: Settings) -> str:
-    entry = references.require(task.of)
-    what = (task.label, task.technique, picture, entry["hash"], entry["date"], entry["batches"])
+def _fingerprint(task: Task, picture: str, truth: Truth, settings: Settings) -> str:
+    what = (task.label, task.technique, picture, truth.digest)
     how = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
     return hashlib.blake2b(repr((what, how)).encode(), digest_size=16).hexdigest()
 
