@@ -367,6 +367,7 @@ def glass_pane(scene: Scene) -> Radiance | None:
     ratio = float(box.shapes[0].material.eta[0])
     hits = scene.max_depth - 2 if scene.max_depth > 0 else MANY_BOUNCES
 
+    @np.errstate(invalid="ignore", divide="ignore")  # a ray through an edge of the cube may miss its faces
     def radiance(o: Array, d: Array) -> tuple[Indices, Array, Array]:
         index, distance, value = seen(scene, o, d, _dark)
         here = np.flatnonzero(np.isin(index, glass))
