@@ -16,6 +16,10 @@ from raycheck.seeds import make_seeds
 from raycheck.techniques import TECHNIQUES
 
 CLOSED = sorted(closed_forms.FORMS)
+MITSUBA_IS_OFF = {"inside-light", "mixed-material"}
+"""Where the closed form, not Mitsuba 3.9, is right: it and oneray agree (tests/test_closed_forms.py).
+Mitsuba's sphere light seen from inside gives 0.08 % too much; its blend of a delta with a diffuse part mixes
+up their densities, which tints mirrors by up to a quarter."""
 FILM_ROUNDING = 1e-5
 """Relative error of a single-precision film over 256 samples; matters only where nothing varies."""
 
@@ -55,7 +59,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_every_scene_has_a_fresh_reference_and_no_reference_is_without_a_scene() -> None:
     names = references.scene_names()
-    assert len(names) >= 9
+    assert len(names) >= 23
     for name in names:
         references.load_reference(name)
     files = {path.stem for path in references.references_dir().glob("*.exr")}
@@ -167,15 +171,28 @@ def test_the_key_of_a_variant_has_its_parameters_sorted() -> None:
 # ---- closed forms ----
 
 
-@pytest.mark.parametrize("name", CLOSED)
+@pytest.mark.parametrize("name", sorted(set(CLOSED) - MITSUBA_IS_OFF))
 def test_mitsuba_and_the_closed_form_agree_within_five_standard_errors(name: str) -> None:
-    """7 scenes of at most 195 values each: new samples would give a false alarm once in a thousand times."""
+    """20 scenes of at most 195 values each: new samples would give a false alarm 2 times in a thousand."""
     reference = references.load_reference(name)
     assert reference.closed_form is not None
-    assert np.isfinite(reference.closed_form).mean() > 0.9
+    least = 0.7 if name in closed_forms.BORDERS else 0.9
+    assert np.isfinite(reference.closed_form).mean() > least
     whole, tiles = distances(reference, reference.closed_form)
     assert np.abs(whole).max() < 5
     assert np.abs(tiles).max() < 5
+
+
+@pytest.mark.parametrize("name", sorted(MITSUBA_IS_OFF))
+def test_where_mitsuba_is_off_it_still_is(name: str) -> None:
+    """An exception that is no longer needed is to be dropped; the disagreement is below 2 % of the image."""
+    reference = references.load_reference(name)
+    assert reference.closed_form is not None
+    whole, _ = distances(reference, reference.closed_form)
+    assert np.abs(whole).max() > 5
+    known = np.isfinite(reference.closed_form)
+    off = np.where(known, reference.mean - reference.closed_form, 0).sum(axis=(0, 1))
+    assert (np.abs(off) < 0.02 * np.nansum(reference.closed_form, axis=(0, 1))).all()
 
 
 @pytest.mark.parametrize("name", CLOSED)

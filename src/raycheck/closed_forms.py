@@ -7,21 +7,39 @@ a pixel and outrank every rendered reference.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.pixel_quadrature import Radiance, pixel_means
-from raycheck.scene_reader import Camera, Scene, Shape, read_scene
+from raycheck.scene_reader import Material, Scene, Shape, Spot, read_scene
+from raycheck.solids import (
+    Ball,
+    Plate,
+    above_horizon,
+    ball_solid_angle,
+    edges,
+    film_line_of,
+    in_view,
+    is_free,
+    kinks,
+    nearest,
+    projected_solid_angle,
+    seen,
+    solid,
+    visible_solid_angle,
+    with_faces,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-EDGE_POINTS = 6000
-"""Points along an edge; far denser than pixels."""
+MANY_IMAGES = 40
+"""Images of a lamp in facing mirrors, to each side, that count where depth has no limit."""
+MANY_BOUNCES = 64
 
 
 def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | None:
@@ -29,10 +47,17 @@ def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | No
 
     Raises ValueError for a parameter that the scene does not have.
     """
-    scene = read_scene(path, parameters)
+    scene = with_faces(read_scene(path, parameters))
     form = FORMS.get(name)
     radiance = form(scene) if form else None
-    return None if radiance is None else pixel_means(scene.camera, radiance, edges(scene), kinks(scene))
+    if radiance is None:
+        return None
+    camera, border = scene.camera, BORDERS.get(name, 1)
+    if form is mixed_material:
+        return pixel_means(camera, radiance, np.zeros((0, 3)), mixed_material_lines(scene))
+    if form is lamp_grid:
+        return pixel_means(camera, radiance, edges(in_view(scene)), np.zeros((0, 3)))
+    return pixel_means(camera, radiance, edges(scene), kinks(scene), border)
 
 
 # ---- formulas: one function for each scene; None where depth or content are not what it is about ----
@@ -56,55 +81,384 @@ def point_light(scene: Scene) -> Radiance | None:
     return lambda o, d: seen(scene, o, d, irradiance)
 
 
-def spherical_light(scene: Scene) -> Radiance | None:
-    """L = ρ Lₑ (R/d)² cosθ on a floor, all of a black glowing ball above it, at every depth ≥ 2.
+def flat_and_round_lights(scene: Scene) -> Radiance | None:
+    """L = Lₑ + ρ/π Σ Lₑ F for black rectangle and ball lights over rectangles, at depth 1 and 2.
 
-    Source: the irradiance of a ball of uniform radiance, all of it above the horizon, is that of a point: its
-    flux 4π²R²Lₑ over 4πd² (Gauss), times the cosine; e.g. Pharr, Jakob & Humphreys, Physically Based
-    Rendering.
+    F is the projected solid angle of what is above the horizon: Lambert's formula for rectangles, less the
+    shadows of others (a rectangle parallel to a light throws one that is a rectangle again: its corners
+    scaled about p by the ratio of the two planes' distances), and `ball_solid_angle` for balls, which for a
+    ball all above the horizon is that of a point with its flux, 4π²R²Lₑ over 4πd² (Gauss), times the cosine.
+    Deeper too where no surface sees another.
     """
     lights = [shape for shape in scene.shapes if shape.emits]
-    if len(lights) != 1 or lights[0].kind != "sphere" or lights[0].material.reflectance.any():
+    rest = [shape for shape in scene.shapes if not shape.emits]
+    kinds = {s.kind for s in lights} <= {"rectangle", "sphere"} and {s.kind for s in rest} == {"rectangle"}
+    if not kinds or not scene.only_shapes_shine or any(s.material.kind != "diffuse" for s in scene.shapes):
         return None
-    if len(scene.shapes) != 2 or scene.point_lights or 0 <= scene.max_depth < 2:
+    if any(light.material.reflectance.any() for light in lights) or scene.max_depth == 0:
         return None
-    ball = Ball(lights[0])
+    if scene.max_depth not in (1, 2) and not _convex([Plate(shape) for shape in rest]):
+        return None
 
     def irradiance(p: Array, n: Array) -> Array:
-        to_ball = ball.center - p
-        d = np.linalg.norm(to_ball, axis=-1)
-        height = np.einsum("ij,ij->i", to_ball, n)
-        factor = np.where(height >= ball.radius, math.pi * (ball.radius / d) ** 2 * height / d, np.nan)
-        return factor[:, None] * ball.shape.radiance
+        total = np.zeros_like(p)
+        for light in lights if scene.max_depth != 1 else ():
+            total += _solid_angle(p, n, light, scene.shapes)[:, None] * light.radiance
+        return total
 
     return lambda o, d: seen(scene, o, d, irradiance)
 
 
-def rectangle_lights(scene: Scene) -> Radiance | None:
-    """L = Lₑ + ρ/π Σ Lₑ (F(light) − F(light ∩ shadow)) for black rectangle lights and depth 1 or 2.
+def _convex(plates: list[Plate]) -> bool:
+    """Whether all rectangles are behind, or in, the planes of all others, so that none sees another."""
+    return all(((b.corners - a.origin) @ a.normal <= 1e-4).all() for a in plates for b in plates)
 
-    F is Lambert's formula (`projected_solid_angle`). A rectangle parallel to a light throws a shadow on the
-    light's plane, seen from p, that is a rectangle again: its corners scaled about p by the ratio of the
-    two planes' distances.
+
+def _solid_angle(p: Array, n: Array, light: Shape, shapes: tuple[Shape, ...]) -> Array:
+    body = solid(light)
+    if isinstance(body, Plate):
+        return visible_solid_angle(p, n, body, shapes)
+    total = ball_solid_angle(p, n, body)
+    for other in shapes:
+        if other is not light:
+            total = np.where(is_free(p, n, light, other), total, np.nan)
+    return total
+
+
+def lamp_grid(scene: Scene) -> Radiance | None:
+    """L = ρ/π Σ Lₑ F(lamp) on a floor under rectangles parallel to it, at every depth ≥ 2; no lamp in view.
+
+    F = Σ ± G(x, y) over the corners, at x, y from the point and height h, since the integral of h²/(π d⁴) is
+    G = ½ (x/√(h²+x²) arctan(y/√(h²+x²)) + y/√(h²+y²) arctan(x/√(h²+y²))): Lambert's formula for a rectangle
+    parallel to the surface, e.g. Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-4.
     """
-    if (
-        scene.point_lights
-        or scene.max_depth not in (1, 2)
-        or any(s.kind != "rectangle" for s in scene.shapes)
-    ):
+    floors = [shape for shape in scene.shapes if not shape.emits]
+    lamps = [Plate(shape) for shape in scene.shapes if shape.emits]
+    shown = in_view(scene)
+    if len(floors) != 1 or shown.shapes != tuple(floors) or 0 <= scene.max_depth < 2:
+        return None
+    center = np.array([lamp.origin for lamp in lamps])
+    half = np.array([np.abs(lamp.axes).sum(axis=0) for lamp in lamps])
+    light = np.array([lamp.shape.radiance for lamp in lamps])
+    level = Plate(floors[0]).origin[2]
+    if any(abs(lamp.normal[2] + 1) > 1e-12 for lamp in lamps) or half[:, 2].any():
+        return None
+
+    def corner(x: Array, y: Array, h: Array) -> Array:
+        a, b = np.sqrt(h**2 + x**2), np.sqrt(h**2 + y**2)
+        return (x / a * np.arctan(y / a) + y / b * np.arctan(x / b)) / 2
+
+    def exact(px: Array, py: Array) -> Array:
+        total = np.zeros((len(px), 3))
+        for part in np.array_split(np.arange(len(px)), max(1, len(px) // 64)):
+            x, y = center[:, 0] - px[part, None], center[:, 1] - py[part, None]
+            h = np.broadcast_to(center[:, 2] - level, x.shape)
+            for sx, sy in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
+                total[part] += sx * sy * corner(x + sx * half[:, 0], y + sy * half[:, 1], h) @ light
+        return total
+
+    corners = scene.camera.directions(*(np.array([[0.0, 1, 0, 1], [0, 0, 1, 1]]) * scene.camera.width))
+    reach = scene.camera.origin - corners * ((scene.camera.origin[2] - level) / corners[:, 2:])
+    if (corners[:, 2] >= 0).any() or scene.camera.width != scene.camera.height:
+        return None
+    interpolant = _interpolant(exact, reach[:, :2].min(axis=0), reach[:, :2].max(axis=0))
+    return lambda o, d: seen(shown, o, d, lambda p, n: interpolant(p[:, 0], p[:, 1]))
+
+
+def _interpolant(
+    function: Callable[[Array, Array], Array], low: Array, high: Array, degree: int = 72
+) -> Callable[[Array, Array], Array]:
+    """A polynomial through a smooth function (N,), (N,) → (N, 3) at Chebyshev's points of a rectangle.
+
+    With the nearest singularity at distance h from a side of length 2a its error goes as
+    ((h + √(h² + a²))/a)^−degree, e.g. Trefethen, Approximation Theory and Approximation Practice, chapter 8.
+    """
+    chebyshev = np.polynomial.chebyshev
+    nodes = chebyshev.chebpts1(degree)
+    x, y = (grid.ravel() for grid in np.meshgrid(nodes, nodes, indexing="ij"))
+    middle, half = (low + high) / 2, (high - low) / 2
+    inverse = np.linalg.inv(chebyshev.chebvander(nodes, degree - 1))
+    values = function(middle[0] + half[0] * x, middle[1] + half[1] * y).reshape(degree, degree, 3)
+    coefficients = np.einsum("im,jn,mnc->ijc", inverse, inverse, values, optimize=True)
+
+    def evaluate_at(x: Array, y: Array) -> Array:
+        rows = chebyshev.chebvander((x - middle[0]) / half[0], degree - 1)
+        columns = chebyshev.chebvander((y - middle[1]) / half[1], degree - 1)
+        return np.stack([np.sum((rows @ coefficients[..., c]) * columns, axis=1) for c in range(3)], axis=-1)
+
+    return evaluate_at
+
+
+def open_sky(scene: Scene) -> Radiance | None:
+    """L = ρ/π · Lₛ (π − Σ F) on a floor and a convex block on it under a uniform sky, at depth 2.
+
+    F is the projected solid angle, above the horizon, of each rectangle whose front is seen from the point:
+    of a convex block the fronts hide all that the block hides, and do not hide each other.
+    """
+    if scene.max_depth != 2 or not scene.sky.any() or any(s.kind != "rectangle" for s in scene.shapes):
         return None
     plates = [Plate(shape) for shape in scene.shapes]
-    lights = [plate for plate in plates if plate.shape.emits]
-    if any(light.shape.material.reflectance.any() for light in lights):
-        return None
 
     def irradiance(p: Array, n: Array) -> Array:
-        if scene.max_depth == 1:
-            return np.zeros_like(p)
-        parts = [visible_solid_angle(p, n, light, plates)[:, None] * light.shape.radiance for light in lights]
-        return np.sum(parts, axis=0)
+        open_part = np.full(len(p), math.pi)
+        for plate in plates:
+            front = (p - plate.origin) @ plate.normal > 1e-12
+            open_part -= np.where(front, above_horizon(p, n, plate.corners), 0.0)
+        return open_part[:, None] * scene.sky
 
-    return lambda o, d: seen(scene, o, d, irradiance)
+    def radiance(o: Array, d: Array) -> tuple[Indices, Array, Array]:
+        index, distance, value = seen(scene, o, d, irradiance)
+        value[index < 0] = scene.sky
+        return index, distance, value
+
+    return radiance
+
+
+def sun_and_spot(scene: Scene) -> Radiance | None:
+    """L = ρ/π (E cosθ + I s cosθ/d²) where the sun and the spot are seen, at depth 2.
+
+    s is the spot's falloff as Mitsuba has it: 1 up to the beam width, from there down to 0 at the cutoff in
+    proportion to the angle.
+    """
+    if scene.max_depth != 2 or scene.point_lights or scene.sky.any():
+        return None
+
+    def reaches(p: Array, way: Array, far: Array) -> NDArray[np.bool_]:
+        return nearest(scene, p, way)[1] > far
+
+    def radiance(o: Array, d: Array) -> tuple[Indices, Array, Array]:
+        lights_seen = np.zeros(len(d), dtype=np.intp)
+        index, distance = nearest(scene, o, d)
+        value = np.zeros_like(d)
+        for i, shape in enumerate(scene.shapes):
+            here = np.flatnonzero(index == i)
+            p = o[here] + distance[here, None] * d[here]
+            n = solid(shape).normals(p)
+            total = np.zeros_like(p)
+            for k, sun in enumerate(scene.suns):
+                cosine = np.maximum(-(n @ sun.direction), 0)
+                free = reaches(p, np.broadcast_to(-sun.direction, p.shape), np.full(len(p), 1e9))
+                total += np.where(free, cosine, 0.0)[:, None] * sun.irradiance
+                lights_seen[here] += free.astype(np.intp) << k
+            for k, spot in enumerate(scene.spots, len(scene.suns)):
+                to_light = spot.position - p
+                far = np.linalg.norm(to_light, axis=1)
+                way = to_light / far[:, None]
+                free = reaches(p, way, far)
+                cosine = np.maximum(np.einsum("ij,ij->i", way, n), 0)
+                total += (np.where(free, cosine, 0.0) * _falloff(spot, way) / far**2)[
+                    :, None
+                ] * spot.intensity
+                lights_seen[here] += free.astype(np.intp) << k
+            value[here] = shape.material.reflectance / math.pi * total
+        return np.where(index < 0, -1, index + len(scene.shapes) * lights_seen), distance, value
+
+    return radiance
+
+
+def _falloff(spot: Spot, way: Array) -> Array:
+    angle = np.arccos(np.clip(-way @ spot.axis, -1, 1))
+    return np.clip((spot.cutoff - angle) / (spot.cutoff - spot.beam), 0, 1)
+
+
+def mirror_corridor(scene: Scene) -> Radiance | None:
+    """L = ρ/π · Lₑ Σ r^|k| F(image k of the lamp) on a floor between mirrors, × r for each one before it.
+
+    The method of images: the eye's rays are followed through the mirrors; what they find is lit by the lamp's
+    images, mirrored first left or first right. Exact since the mirrors are vertical and the floor flat, so
+    that no mirror shows the floor any light of the floor, and since they are larger than all that they show.
+    A path by way of |k| mirrors has |k| segments more.
+    """
+    mirrors = [Plate(s) for s in scene.shapes if s.material.kind == "conductor"]
+    lamps = [Plate(s) for s in scene.shapes if s.emits]
+    if len(mirrors) != 2 or len(lamps) != 1 or not scene.only_shapes_shine:
+        return None
+    lamp, tint = lamps[0], mirrors[0].shape.material.reflectance
+    images = [[lamp.corners], [lamp.corners]]
+    for first in (0, 1):
+        for k in range(MANY_IMAGES):  # image k + 1 of one side is image k of the other in the mirror there
+            corners = lamp.corners
+            for step in range(k + 1):
+                corners = mirrors[(first + k - step) % 2].reflect(corners)
+            images[first].append(corners)
+    depth = scene.max_depth if scene.max_depth >= 0 else MANY_BOUNCES
+
+    def irradiance(p: Array, n: Array, left: int) -> Array:
+        total = np.zeros_like(p)
+        for k in range(min(left - 1, MANY_IMAGES + 1)):
+            for corners in (images[0][k], images[1][k])[: 1 if k == 0 else 2]:
+                total += projected_solid_angle(p, n, corners)[:, None] * tint**k * lamp.shape.radiance
+        return total
+
+    return lambda o, d: _through_mirrors(scene, o, d, depth, irradiance)
+
+
+def _through_mirrors(
+    scene: Scene, o: Array, d: Array, depth: int, irradiance: Callable[[Array, Array, int], Array]
+) -> tuple[Indices, Array, Array]:
+    """What rays see by way of mirrors; `irradiance` is told how many segments are left, its own included.
+
+    The index differs for each sequence of surfaces.
+    """
+    way, start, alive = d.copy(), o.copy(), np.arange(len(d))
+    index, distance = np.full(len(d), -1, dtype=np.intp), np.full(len(d), np.inf)
+    travelled, factor, value = np.zeros(len(d)), np.ones_like(d), np.zeros_like(d)
+    count = len(scene.shapes) + 1
+    for used in range(depth):
+        left = depth - used
+        found, t, dim = seen(scene, start[alive], way[alive], lambda p, n, left=left: irradiance(p, n, left))
+        value[alive] += factor[alive] * np.where((found >= 0)[:, None], dim, scene.sky)
+        index[alive] = index[alive] * count + found + 1
+        travelled[alive] += t
+        distance[alive] = travelled[alive]
+        hit = found >= 0
+        alive, found, t = alive[hit], found[hit], t[hit]
+        start[alive] += t[:, None] * way[alive]
+        go = np.zeros(len(alive), dtype=bool)
+        for i, shape in enumerate(scene.shapes):
+            if shape.material.kind != "conductor":
+                continue
+            here = alive[found == i]
+            n = solid(shape).normals(start[here])
+            cosine = -np.einsum("ij,ij->i", way[here], n)
+            factor[here] *= reflectance_of(shape.material, cosine)
+            way[here] += 2 * cosine[:, None] * n
+            go[found == i] = cosine > 0
+        alive = alive[go]
+        if not len(alive):
+            break
+    return index, distance, value
+
+
+def reflectance_of(material: Material, cosine: Array) -> Array:
+    """Fresnel's reflectance (N, 3) of a conductor for unpolarised light, times its specular reflectance.
+
+    Complex Fresnel coefficients: with n = η + i k and n cosθ' = √(n² − sin²θ), ½ (|r_s|² + |r_p|²).
+    """
+    if material.k[0] < 0:
+        return np.broadcast_to(material.reflectance, (len(cosine), 3))
+    n = material.eta + 1j * material.k
+    c = np.clip(cosine, 0, 1)[:, None]
+    inside = np.sqrt(n**2 - (1 - c**2))
+    s, p = (c - inside) / (c + inside), (n**2 * c - inside) / (n**2 * c + inside)
+    return material.reflectance * (np.abs(s) ** 2 + np.abs(p) ** 2) / 2
+
+
+def metal(scene: Scene) -> Radiance | None:
+    """Sky times Fresnel's reflectance of each metal on the way: nothing is chosen at random."""
+    if any(shape.emits or shape.material.kind != "conductor" for shape in scene.shapes):
+        return None
+    depth = scene.max_depth if scene.max_depth >= 0 else MANY_BOUNCES
+    return lambda o, d: _through_mirrors(scene, o, d, depth, lambda p, n, left: np.zeros_like(p))
+
+
+def glass_pane(scene: Scene) -> Radiance | None:
+    """(1 − R₀) Σ (1 − Rₘ) R₁ … Rₘ₋₁ L(where hit m lets light out), depth 2 + m, through a cube of glass.
+
+    A ray that has entered meets faces one after the other; at each a part 1 − R leaves, and sees only black
+    lamps, the rest goes on inside: a chain that is summed to the end, total reflection included. Between
+    parallel faces all R are equal. Source: Fresnel's formulas, e.g. Born & Wolf, Principles of Optics, 1.5.
+    """
+    glass = [i for i, shape in enumerate(scene.shapes) if shape.material.kind == "dielectric"]
+    if len(glass) != 6 or not scene.only_shapes_shine or scene.max_depth == 0:
+        return None
+    box = replace(scene, shapes=tuple(scene.shapes[i] for i in glass))
+    lamps = replace(scene, shapes=tuple(s for s in scene.shapes if s.emits))
+    ratio = float(box.shapes[0].material.eta[0])
+    hits = scene.max_depth - 2 if scene.max_depth > 0 else MANY_BOUNCES
+
+    @np.errstate(invalid="ignore", divide="ignore")  # a ray through an edge of the cube may miss its faces
+    def radiance(o: Array, d: Array) -> tuple[Indices, Array, Array]:
+        index, distance, value = seen(scene, o, d, _dark)
+        here = np.flatnonzero(np.isin(index, glass))
+        value[here] = 0.0
+        p, way, part, code = o[here] + distance[here, None] * d[here], d[here], 1.0, index[here]
+        face, ratio_here = code - glass[0], 1 / ratio
+        for hit in range(hits + 1):
+            n = np.array([Plate(s).normal for s in box.shapes])[face]
+            n = n if hit == 0 else -n
+            cosine = -np.einsum("ij,ij->i", way, n)
+            beyond = np.sqrt(np.maximum(1 - ratio_here**2 * (1 - cosine**2), 0))
+            r = _glass_reflectance(cosine, beyond, ratio_here)
+            bent = ratio_here * (way + cosine[:, None] * n) - beyond[:, None] * n
+            if hit == 0:
+                part, way, ratio_here = 1 - r, bent, ratio
+            else:
+                found, _, dim = seen(lamps, p, bent, _dark)
+                value[here] += (part * (1 - r))[:, None] * dim
+                code = code * 64 + face * 8 + found + 1 if hit < 6 else code
+                part, way = part * r, way + 2 * cosine[:, None] * n
+            if hit < hits and len(here):
+                face, t = nearest(box, p, way)
+                p = p + t[:, None] * way
+        index[here] = len(scene.shapes) * (1 + code)
+        return index, distance, value
+
+    return radiance
+
+
+def _dark(p: Array, n: Array) -> Array:
+    return np.zeros_like(p)
+
+
+def _glass_reflectance(cosine: Array, beyond: Array, ratio: float) -> Array:
+    """Fresnel's reflectance (N,) for unpolarised light; `ratio` is the index here over that beyond."""
+    s = (ratio * cosine - beyond) / (ratio * cosine + beyond)
+    p = (ratio * beyond - cosine) / (ratio * beyond + cosine)
+    return np.where(beyond > 0, (s**2 + p**2) / 2, 1.0)
+
+
+def mixed_material(scene: Scene) -> Radiance | None:
+    """(1 − m − g) ρ/π Σ L F(lamp) + (m r + g R) L(mirrored) + g (1 − R) L(refracted)/n², depth ≥ 2.
+
+    m and g are the shares of mirror and glass. Radiance that leaves a medium of index n is spread over n²
+    times the solid angle. The lamps reflect nothing, so that no path is longer. What is seen is told apart by
+    lines on the film alone (`mixed_material_lines`), and what is refracted falls on one lamp that fills the
+    view.
+    """
+    plate_index = next((i for i, s in enumerate(scene.shapes) if s.material.kind == "blendbsdf"), None)
+    if plate_index is None or len(scene.point_lights) or 0 <= scene.max_depth < 2:
+        return None
+    shape = scene.shapes[plate_index]
+    diffuse, specular = shape.material.parts
+    mirror, glass = specular.parts
+    share_m, share_g = (shape.material.weight * w for w in (1 - specular.weight, specular.weight))
+    plate, lamps = Plate(shape), [Plate(s) for s in scene.shapes if s.emits]
+    ratio = float(glass.eta[0])
+
+    def lit(o: Array, d: Array) -> Array:
+        return seen(scene, o, d, _dark)[2]
+
+    def radiance(o: Array, d: Array) -> tuple[Indices, Array, Array]:
+        index, distance, value = seen(scene, o, d, _dark)
+        here = np.flatnonzero(index == plate_index)
+        way, p = d[here], o[here] + distance[here, None] * d[here]
+        n = np.broadcast_to(plate.normal, p.shape)
+        cosine = -(way @ plate.normal)
+        inner = np.sqrt(1 - (1 - cosine**2) / ratio**2)
+        r = _glass_reflectance(cosine, inner, 1 / ratio)[:, None]
+        turned = way + 2 * cosine[:, None] * n
+        bent = (way + cosine[:, None] * n) / ratio - inner[:, None] * n
+        irradiance = np.zeros_like(p)
+        for lamp in lamps if len(p) else ():
+            irradiance += visible_solid_angle(p, n, lamp, [])[:, None] * lamp.shape.radiance
+        value[here] = (1 - shape.material.weight) * diffuse.reflectance / math.pi * irradiance
+        value[here] += (share_m * mirror.reflectance + share_g * r) * lit(p, turned)
+        value[here] += share_g * (1 - r) * lit(p, bent) / ratio**2
+        return np.zeros_like(index), distance, value
+
+    return radiance
+
+
+def mixed_material_lines(scene: Scene) -> Array:
+    """Lines (K, 3) on the film along the sides of all rectangles, and of their images in the plate."""
+    plate = next(Plate(s) for s in scene.shapes if s.material.kind == "blendbsdf")
+    lines = []
+    for corners in (Plate(shape).corners for shape in scene.shapes):
+        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            lines.append(film_line_of(scene.camera, a, b))
+            lines.append(film_line_of(scene.camera, plate.reflect(a), plate.reflect(b)))
+    return np.unique(np.round([line / np.abs(line[:2]).max() for line in lines], 10), axis=0)
 
 
 def mirror_light(scene: Scene) -> Radiance | None:
@@ -123,14 +477,13 @@ def mirror_light(scene: Scene) -> Radiance | None:
     mirror, lamp = Plate(scene.shapes[mirrors[0]]), Plate(scene.shapes[lights[0]])
     if lamp.shape.material.reflectance.any():
         return None
-    plates = [Plate(shape) for shape in scene.shapes]
     reflectance = mirror.shape.material.reflectance
     image_corners = mirror.reflect(lamp.corners)
 
     def irradiance(p: Array, n: Array, depth: int) -> Array:
         total = np.zeros_like(p)
         if depth >= 2:
-            total += visible_solid_angle(p, n, lamp, plates)[:, None] * lamp.shape.radiance
+            total += visible_solid_angle(p, n, lamp, scene.shapes)[:, None] * lamp.shape.radiance
         if depth >= 3:
             inside = mirror.is_window(p, image_corners)
             lit = np.einsum("ij,j->i", mirror.reflect(p) - lamp.origin, lamp.normal) > 0
@@ -156,9 +509,9 @@ def mirror_light(scene: Scene) -> Radiance | None:
 
 
 def furnace(scene: Scene) -> Radiance | None:
-    """A ball (radius a, emission E, reflectance β) amid a closed sphere (radius R, reflectance ρ).
+    """A ball (radius a, emission E, reflectance β) in a closed sphere (radius R, emission D, reflectance ρ).
 
-    At depth n: W₁ = 0, B₁ = E, Wₙ = ρ (f Bₙ₋₁ + (1−f) Wₙ₋₁), Bₙ = E + β Wₙ₋₁ with f = (a/R)².
+    At depth n, from 0: Wₙ = D + ρ (f Bₙ₋₁ + (1−f) Wₙ₋₁), Bₙ = E + β Wₙ₋₁ with f = (a/R)².
     Source: by symmetry each surface has one radiance. The ball covers the fraction f of the wall's
     cosine-weighted hemisphere (the formula of `spherical_light` over π), the wall the rest; the convex ball
     sees only wall. Reciprocity of form factors: 4πR² · f = 4πa² · 1. Unlimited depth is the fixed point.
@@ -167,22 +520,19 @@ def furnace(scene: Scene) -> Radiance | None:
         return None
     inner, outer = sorted((0, 1), key=lambda i: Ball(scene.shapes[i]).radius)
     ball, wall = Ball(scene.shapes[inner]), Ball(scene.shapes[outer])
-    if wall.shape.emits or not wall.shape.flipped or ball.shape.flipped or (ball.center != wall.center).any():
+    if not wall.shape.flipped or ball.shape.flipped or (ball.center != wall.center).any():
         return None
     f = (ball.radius / wall.radius) ** 2
-    rho, beta, emission = (
-        wall.shape.material.reflectance,
-        ball.shape.material.reflectance,
-        ball.shape.radiance,
-    )
+    rho, beta = wall.shape.material.reflectance, ball.shape.material.reflectance
+    glow, emission = wall.shape.radiance, ball.shape.radiance
     if scene.max_depth < 0:
-        wall_radiance = rho * f * emission / (1 - rho * (1 - f + f * beta))
+        wall_radiance = (glow + rho * f * emission) / (1 - rho * (1 - f + f * beta))
         ball_radiance = emission + beta * wall_radiance
     else:
         wall_radiance = ball_radiance = np.zeros(3)
         for _ in range(scene.max_depth):
             wall_radiance, ball_radiance = (
-                rho * (f * ball_radiance + (1 - f) * wall_radiance),
+                glow + rho * (f * ball_radiance + (1 - f) * wall_radiance),
                 emission + beta * wall_radiance,
             )
 
@@ -196,320 +546,27 @@ def furnace(scene: Scene) -> Radiance | None:
 
 FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
     "point-light": point_light,
-    "spherical-light": spherical_light,
-    "area-light": rectangle_lights,
-    "occluded-lights": rectangle_lights,
-    "touching-light": rectangle_lights,
-    "many-lights": rectangle_lights,
-    "mirror-light": mirror_light,
+    "area-light": flat_and_round_lights,
+    "spherical-light": flat_and_round_lights,
+    "sphere-light-near": flat_and_round_lights,
+    "sphere-light-far": flat_and_round_lights,
+    "light-below-horizon": flat_and_round_lights,
+    "occluded-lights": flat_and_round_lights,
+    "hidden-light": flat_and_round_lights,
+    "checkerboard": flat_and_round_lights,
+    "touching-light": flat_and_round_lights,
+    "many-lights": flat_and_round_lights,
+    "thousand-lights": lamp_grid,
+    "sun-and-spot": sun_and_spot,
+    "open-sky": open_sky,
+    "inside-light": furnace,
     "furnace": furnace,
+    "mirror-light": mirror_light,
+    "mirror-corridor": mirror_corridor,
+    "metal": metal,
+    "glass-pane": glass_pane,
+    "mixed-material": mixed_material,
 }
 
-
-# ---- shapes ----
-
-
-@dataclass(frozen=True)
-class Ball:
-    shape: Shape
-
-    @property
-    def center(self) -> Array:
-        return self.shape.to_world[:3, 3]
-
-    @property
-    def radius(self) -> float:
-        return float(np.linalg.norm(self.shape.to_world[:3, 0]))
-
-    def hit(self, o: Array, d: Array) -> Array:
-        """Distances (N,) to the first hit beyond 1e-7, inf if there is none."""
-        to_origin = o - self.center
-        b = np.einsum("ij,ij->i", to_origin, d)
-        rest = self.radius**2 - np.sum((to_origin - b[:, None] * d) ** 2, axis=-1)
-        root = np.sqrt(np.maximum(rest, 0))
-        near, far = -b - root, -b + root
-        t = np.where(near > 1e-7, near, np.where(far > 1e-7, far, np.inf))
-        return np.where(rest >= 0, t, np.inf)
-
-    def normals(self, p: Array) -> Array:
-        outward = (p - self.center) / self.radius
-        return -outward if self.shape.flipped else outward
-
-    def outline(self, eye: Array) -> Array:
-        """Points (N, 3) of the silhouette as seen from outside; none from inside."""
-        axis = self.center - eye
-        d = float(np.linalg.norm(axis))
-        if d <= self.radius:
-            return np.zeros((0, 3))
-        axis /= d
-        u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        u /= np.linalg.norm(u)
-        v = np.cross(axis, u)
-        angle = np.linspace(0, 2 * math.pi, EDGE_POINTS, endpoint=False)[:, None]
-        sine = self.radius / d
-        rim = self.radius * math.sqrt(1 - sine**2)
-        return self.center - self.radius * sine * axis + rim * (np.cos(angle) * u + np.sin(angle) * v)
-
-
-@dataclass(frozen=True)
-class Plate:
-    """A rectangle: the unit one [−1, 1]² with normal +z, placed by `to_world`."""
-
-    shape: Shape
-
-    @property
-    def origin(self) -> Array:
-        return self.shape.to_world[:3, 3]
-
-    @property
-    def axes(self) -> Array:
-        """Half edges (2, 3)."""
-        return self.shape.to_world[:3, :2].T
-
-    @property
-    def normal(self) -> Array:
-        outward = np.linalg.inv(self.shape.to_world[:3, :3])[2]
-        outward = outward / np.linalg.norm(outward)
-        return -outward if self.shape.flipped else outward
-
-    @property
-    def corners(self) -> Array:
-        """Corners (4, 3) in order around the rectangle."""
-        return self.at(np.array([-1.0, 1, 1, -1]), np.array([-1.0, -1, 1, 1]))
-
-    def at(self, x: Array, y: Array) -> Array:
-        """Points (…, 3) at local coordinates x, y (…)."""
-        return self.origin + x[..., None] * self.axes[0] + y[..., None] * self.axes[1]
-
-    def local(self, points: Array) -> tuple[Array, Array]:
-        """Local coordinates x, y of points (…, 3), which are 1 in size at the rectangle's edges."""
-        inverse = np.linalg.inv(self.shape.to_world)
-        px, py, pz = points[..., 0], points[..., 1], points[..., 2]
-        x, y = (px * row[0] + py * row[1] + pz * row[2] + row[3] for row in inverse[:2])
-        return x, y
-
-    def hit(self, o: Array, d: Array) -> Array:
-        """Distances (N,) to the hit beyond 1e-7, inf if there is none."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = ((self.origin - o) @ self.normal) / (d @ self.normal)
-            x, y = self.local(o + t[:, None] * d)
-            good = (t > 1e-7) & (np.abs(x) <= 1) & (np.abs(y) <= 1)
-        return np.where(good, t, np.inf)
-
-    def normals(self, p: Array) -> Array:
-        return np.broadcast_to(self.normal, p.shape)
-
-    def outline(self, eye: Array) -> Array:
-        corners = self.corners
-        t = np.linspace(0, 1, EDGE_POINTS // 4, endpoint=False)[:, None]
-        return np.concatenate(
-            [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
-        )
-
-    def reflect(self, points: Array) -> Array:
-        """Mirror images of points (…, 3) in the rectangle's plane."""
-        return points - 2 * ((points - self.origin) @ self.normal)[..., None] * self.normal
-
-    def is_window(self, p: Array, targets: Array) -> NDArray[np.bool_]:
-        """Whether all segments from points (N, 3) to targets (K, 3) pass through the rectangle."""
-        side = (p - self.origin) @ self.normal
-        inside = np.ones(len(p), dtype=bool)
-        for target in targets:
-            beyond = float((target - self.origin) @ self.normal)
-            t = side / (side - beyond)
-            x, y = self.local(p + t[:, None] * (target - p))
-            inside &= (side > 0) & (beyond < 0) & (np.abs(x) <= 1) & (np.abs(y) <= 1)
-        return inside
-
-
-def solid(shape: Shape) -> Ball | Plate:
-    if shape.kind == "sphere":
-        return Ball(shape)
-    if shape.kind == "rectangle":
-        return Plate(shape)
-    raise ValueError(f"closed forms know no {shape.kind}")
-
-
-def nearest(scene: Scene, o: Array, d: Array) -> tuple[Indices, Array]:
-    """Index of the first shape that each ray hits (−1: none) and the distance to it."""
-    distances = np.stack([solid(shape).hit(o, d) for shape in scene.shapes])
-    index = np.argmin(distances, axis=0)
-    distance = np.take_along_axis(distances, index[None], axis=0)[0]
-    return np.where(np.isfinite(distance), index, -1), distance
-
-
-def seen(
-    scene: Scene, o: Array, d: Array, irradiance: Callable[[Array, Array], Array]
-) -> tuple[Indices, Array, Array]:
-    """What rays see at their first hit: emission and ρ/π · irradiance(p, n), both from the front only."""
-    index, distance = nearest(scene, o, d)
-    value = np.zeros_like(d)
-    for i, shape in enumerate(scene.shapes):
-        here = np.flatnonzero(index == i)
-        p = o[here] + distance[here, None] * d[here]
-        n = solid(shape).normals(p)
-        front = np.einsum("ij,ij->i", n, d[here]) < 0
-        here, p, n = here[front], p[front], n[front]
-        value[here] = shape.radiance
-        if shape.material.kind == "diffuse" and shape.material.reflectance.any() and len(here):
-            value[here] += shape.material.reflectance / math.pi * irradiance(p, n)
-    return index, distance, value
-
-
-# ---- Lambert's formula ----
-
-
-def projected_solid_angle(p: Array, n: Array, corners: Array) -> Array:
-    """∫ cosθ dω over a polygon, seen from points p with normals n (N, 3 each): |½ Σ γᵢ n·Γᵢ|, sr.
-
-    `corners` (K, 3) or (N, K, 3) go around it. γᵢ is the angle between the directions to two neighbouring
-    corners and Γᵢ the unit normal of their plane. Exact where the whole polygon is above the horizon; NaN
-    where the horizon cuts it, 0 where it is all below.
-    Source: Lambert, Photometria (1760); Arvo, Analytic Methods for Simulated Light Transport (1995), eq. 2.4.
-    """
-    to_corner = corners - p[:, None, :]
-    height = np.einsum("nki,ni->nk", to_corner, n)
-    v = to_corner / np.linalg.norm(to_corner, axis=-1, keepdims=True)
-    w = np.roll(v, -1, axis=1)
-    cross = np.cross(v, w)
-    sine = np.linalg.norm(cross, axis=-1)
-    angle = np.arctan2(sine, np.einsum("nki,nki->nk", v, w))
-    ratio = np.where(sine > 1e-14, angle / np.maximum(sine, 1e-300), 1.0)  # γ/sinγ → 1
-    total = np.abs(np.sum(ratio * np.einsum("nki,ni->nk", cross, n), axis=1)) / 2
-    slack = 1e-12 * np.linalg.norm(to_corner, axis=-1).max(axis=1)
-    above, below = height.min(axis=1) >= -slack, height.max(axis=1) <= slack
-    return np.where(below, 0.0, np.where(above, total, np.nan))
-
-
-def visible_solid_angle(p: Array, n: Array, light: Plate, plates: Sequence[Plate]) -> Array:
-    """Projected solid angle (N,) of a light's front less what other rectangles hide; NaN where unknown."""
-    facing = (p - light.origin) @ light.normal
-    total = projected_solid_angle(p, n, light.corners)
-    shadows: list[Array] = []
-    for plate in plates:
-        if plate.shape is light.shape:
-            continue
-        parallel = np.abs(plate.normal @ light.normal) > 1 - 1e-12
-        if parallel:
-            before = (plate.origin - light.origin) @ light.normal > 1e-9
-            shadow = _shadow(p, light, plate) if before else None
-            if shadow is not None:
-                shadows.append(shadow)
-        else:  # it hides nothing if the light and p are on one side of it
-            sides = (light.corners - plate.origin) @ plate.normal
-            own = (p - plate.origin) @ plate.normal
-            free = (sides.min() >= -1e-9) & (own >= -1e-9) | (sides.max() <= 1e-9) & (own <= 1e-9)
-            total = np.where(free, total, np.nan)
-    hidden = [projected_solid_angle(p, n, light.at(*_outline(shadow))) for shadow in shadows]
-    for i, first in enumerate(shadows):  # two shadows that meet on the light would be counted twice
-        for second in shadows[i + 1 :]:
-            low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
-            total = np.where((low < high).all(axis=0), np.nan, total)
-    return np.where(facing > 0, total - np.sum(hidden, axis=0) if hidden else total, 0.0)
-
-
-def _shadow(p: Array, light: Plate, plate: Plate) -> Array | None:
-    """Bounds (2, 2, N), [low/high][x/y] in the light's local frame, of what a parallel plate hides of it."""
-    to_light = (light.origin - p) @ light.normal
-    to_plate = (plate.origin - p) @ light.normal
-    between = (to_plate * np.sign(to_light) > 1e-9) & (np.abs(to_plate) < np.abs(to_light) - 1e-9)
-    if not between.any():
-        return None
-    scale = np.where(between, to_light, 1.0) / np.where(between, to_plate, 1.0)
-    cast = p[:, None, :] + scale[:, None, None] * (plate.corners - p[:, None, :])
-    x, y = light.local(cast)
-    low, high = np.stack([x.min(axis=1), y.min(axis=1)]), np.stack([x.max(axis=1), y.max(axis=1)])
-    aligned = np.abs(light.axes @ plate.axes.T) < 1e-9
-    if not (aligned[0, 0] and aligned[1, 1]) and not (aligned[0, 1] and aligned[1, 0]):
-        low = high = np.full_like(low, np.nan)  # turned against the light: not a rectangle along its edges
-    low, high = np.clip(low, -1, 1), np.clip(high, -1, 1)
-    return np.stack([np.where(between, low, -1.0), np.where(between, high, -1.0)])
-
-
-def _outline(bounds: Array) -> tuple[Array, Array]:
-    """Local coordinates x, y (N, 4) of a rectangle's corners."""
-    (x0, y0), (x1, y1) = bounds
-    return np.stack([x0, x1, x1, x0], axis=1), np.stack([y0, y0, y1, y1], axis=1)
-
-
-# ---- where the picture is not smooth ----
-
-
-def edges(scene: Scene) -> Array:
-    """Points (N, 3) along all that can part two surfaces in the picture, directly or in a mirror."""
-    solids = [solid(shape) for shape in scene.shapes]
-    points = [body.outline(scene.camera.origin) for body in solids]
-    for mirror in _mirrors(scene):
-        eye = mirror.reflect(scene.camera.origin)
-        points += [mirror.reflect(body.outline(eye)) for body in solids]
-    return np.concatenate(points)
-
-
-def kinks(scene: Scene) -> Array:
-    """Lines (K, 3), a·x + b·y + c = 0 in film pixels, at the rims of light and of parallel plates' shadows.
-
-    On a flat surface these are straight: its cut with the plane of a light, or with the plane through an edge
-    of a light and the parallel edge of a plate.
-    """
-    plates = [Plate(shape) for shape in scene.shapes if shape.kind == "rectangle"]
-    lights = [plate for plate in plates if plate.shape.emits]
-    planes = [(light.normal, light.origin) for light in lights]
-    visible = _visible_points(scene)
-    for light in lights:
-        for plate in plates:
-            before = (plate.origin - light.origin) @ light.normal > 1e-9
-            behind = ((visible - plate.origin) @ light.normal > 1e-9).any()
-            if abs(light.normal @ plate.normal) > 1 - 1e-12 and before and behind:
-                planes += _shadow_planes(light, plate)
-    surfaces = [(plate.normal, plate.origin) for plate in plates]
-    cuts = [(surface, plane) for surface in surfaces for plane in planes]
-    for mirror in _mirrors(scene):
-        images = [
-            tuple(
-                (mirror.reflect(point + normal) - mirror.reflect(point), mirror.reflect(point))
-                for normal, point in cut
-            )
-            for cut in cuts
-        ]
-        cuts = cuts + images + [(surface, plane) for surface, _ in cuts for _, plane in images]
-    lines = [_film_line(scene.camera, *surface, *plane) for surface, plane in cuts]
-    kept = [np.round(line / scale, 10) for line in lines if (scale := np.abs(line[:2]).max()) > 1e-12]
-    return np.unique(np.array(kept), axis=0) if kept else np.zeros((0, 3))
-
-
-def _visible_points(scene: Scene) -> Array:
-    """Points (N, 3) of the surfaces that the camera sees, one for each pixel or so."""
-    camera = scene.camera
-    x, y = (
-        grid.ravel() for grid in np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    )
-    d = camera.directions(x, y)
-    index, distance = nearest(scene, np.broadcast_to(camera.origin, d.shape), d)
-    return camera.origin + distance[index >= 0, None] * d[index >= 0]
-
-
-def _mirrors(scene: Scene) -> list["Plate"]:
-    return [Plate(s) for s in scene.shapes if s.material.kind == "conductor" and s.kind == "rectangle"]
-
-
-def _shadow_planes(light: "Plate", plate: "Plate") -> list[tuple[Array, Array]]:
-    """Planes (normal, point) through an edge of the light and a parallel edge of the plate."""
-    planes = []
-    for a, b in zip(light.corners, np.roll(light.corners, -1, axis=0), strict=True):
-        for c, d in zip(plate.corners, np.roll(plate.corners, -1, axis=0), strict=True):
-            along = (b - a) / np.linalg.norm(b - a)
-            if abs(along @ (d - c)) > (1 - 1e-12) * np.linalg.norm(d - c):
-                normal = np.cross(along, c - a)
-                planes.append((normal / np.linalg.norm(normal), a))
-    return planes
-
-
-def _film_line(camera: Camera, n1: Array, p1: Array, n2: Array, p2: Array) -> Array:
-    """The cut of two planes as a line (a, b, c) on the film; zeros if they do not cut."""
-    eye = camera.origin
-    if np.linalg.norm(np.cross(n1, n2)) < 1e-9:
-        return np.zeros(3)
-    normal = n2 * ((eye - p1) @ n1) - n1 * ((eye - p2) @ n2)  # the plane of this line that holds the eye
-    x, y, z = camera.to_world[:3, :3].T @ normal
-    t, width, height = camera.tan_x, camera.width, camera.height
-    return np.array([-2 * x * t / width, -2 * y * t / width, x * t + y * t * height / width + z])
+BORDERS = {"mirror-corridor": 64, "glass-pane": 64, "metal": 64, "sun-and-spot": 64}
+"""Scenes with edges that only looking finds: steps along a pixel's side."""

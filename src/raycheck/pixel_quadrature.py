@@ -20,14 +20,18 @@ FINEST = 6
 """Pieces of a pixel are divided at most this often."""
 
 
-def pixel_means(camera: Camera, radiance: Radiance, edge_points: Array, kinks: Array) -> Array:
+def pixel_means(
+    camera: Camera, radiance: Radiance, edge_points: Array, kinks: Array, border: int = 1
+) -> Array:
     """Means (H, W, 3) over the pixels' squares; NaN where there is an edge or the radiance is NaN.
 
     `edge_points` (N, 3) lie, far denser than pixels, on all edges. `kinks` (K, 3) are lines a·x + b·y + c = 0
     on the film, in pixels, across which the radiance is not smooth. Pixels are cut along them into pieces, in
-    each of which Gauss–Legendre rules of 2×2 and 4×4 points have to agree, else it is divided in four.
+    each of which Gauss–Legendre rules of 2×2 and 4×4 points have to agree, else it is divided in four. Edges
+    that `edge_points` miss (in bent mirrors, say) are found where what is seen differs along a pixel's
+    border, at `border` steps a side.
     """
-    good = ~_pixels_with_edges(camera, radiance, edge_points)
+    good = ~_pixels_with_edges(camera, radiance, edge_points, border)
     pixel, pieces = _pieces(camera, np.flatnonzero(good), kinks)
     total = np.zeros((camera.height * camera.width, 3))
     first = np.full(camera.height * camera.width, -2, dtype=np.intp)
@@ -123,8 +127,8 @@ def _integrals(
     return integral, index.min(axis=1), index.max(axis=1)
 
 
-def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array) -> NDArray[np.bool_]:
-    """Which pixels (H·W,) hold an edge that is not hidden, or see different things at their corners."""
+def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array, border: int) -> NDArray[np.bool_]:
+    """Which pixels (H·W,) hold an edge that is not hidden, or see different things along their border."""
     width, height = camera.width, camera.height
     marked = np.zeros((height, width), dtype=bool)
     x, y = camera.film(points)
@@ -132,13 +136,20 @@ def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array) -> NDA
     x, y = x[inside].astype(int), y[inside].astype(int)
     d = points[inside] - camera.origin
     length = np.linalg.norm(d, axis=1)
-    _, distance, _ = radiance(np.broadcast_to(camera.origin, d.shape), d / length[:, None])
-    visible = distance >= length * (1 - 1e-6)
-    marked[y[visible], x[visible]] = True
-    grid_x, grid_y = np.meshgrid(np.arange(width + 1.0), np.arange(height + 1.0))
-    corners = camera.directions(grid_x.ravel(), grid_y.ravel())
-    index, _, _ = radiance(np.broadcast_to(camera.origin, corners.shape), corners)
-    index = index.reshape(height + 1, width + 1)
-    four = np.stack([index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]])
-    marked |= (four != four[0]).any(axis=0)
+    if len(d):
+        _, distance, _ = radiance(np.broadcast_to(camera.origin, d.shape), d / length[:, None])
+        visible = distance >= length * (1 - 1e-6)
+        marked[y[visible], x[visible]] = True
+
+    def differs(x: Array, y: Array) -> NDArray[np.bool_]:
+        """Whether neighbours along the last axis of (lines, steps + 1) differ, for each pixel's side."""
+        d = camera.directions(x.ravel(), y.ravel())
+        index, _, _ = radiance(np.broadcast_to(camera.origin, d.shape), d)
+        change = np.diff(index.reshape(x.shape), axis=1) != 0
+        return change.reshape(len(x), -1, border).any(axis=2)
+
+    along_x, along_y = (np.linspace(0, n, n * border + 1) for n in (width, height))
+    rows = differs(*np.meshgrid(along_x, np.arange(height + 1.0)))
+    columns = differs(*np.meshgrid(np.arange(width + 1.0), along_y, indexing="ij"))
+    marked |= rows[:-1] | rows[1:] | columns[:-1].T | columns[1:].T
     return marked.ravel()

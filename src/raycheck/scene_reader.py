@@ -8,7 +8,7 @@ scene for mistakes.
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +19,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Material:
-    """`kind` is "diffuse" or "conductor"; reflectance (3,)."""
+    """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
+
+    `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric is
+    its inner index over the outer one. A blend has two `parts` and the `weight` of the second.
+    """
 
     kind: str
     reflectance: Array
+    eta: Array = field(default_factory=lambda: np.zeros(3))
+    k: Array = field(default_factory=lambda: np.full(3, -1.0))
+    weight: float = 0.0
+    parts: tuple["Material", ...] = ()
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A rectangle, disk, cube or sphere: the unit shape placed by `to_world` (4, 4); radiance (3,)."""
+    """A rectangle, disk, cube or sphere: the unit shape placed by `to_world` (4, 4); radiance (3,).
+
+    A mesh (`ply`, `obj`) is named by its kind alone: no closed form judges by it.
+    """
 
     kind: str
     to_world: Array
@@ -46,6 +57,25 @@ class PointLight:
 
     position: Array
     intensity: Array
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Unit vector (3,) of the way that its light goes, and irradiance (3,) across it in W/m²."""
+
+    direction: Array
+    irradiance: Array
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Position and unit vector (3,) of its axis, intensity (3,) in W/sr, angles in radians."""
+
+    position: Array
+    axis: Array
+    intensity: Array
+    cutoff: float
+    beam: float
 
 
 @dataclass(frozen=True)
@@ -86,7 +116,15 @@ class Scene:
     camera: Camera
     max_depth: int
     shapes: tuple[Shape, ...]
-    point_lights: tuple[PointLight, ...]
+    point_lights: tuple[PointLight, ...] = ()
+    suns: tuple[Sun, ...] = ()
+    spots: tuple[Spot, ...] = ()
+    sky: Array = field(default_factory=lambda: np.zeros(3))
+    """(3,) radiance of what is beyond all shapes."""
+
+    @property
+    def only_shapes_shine(self) -> bool:
+        return not (self.point_lights or self.suns or self.spots or self.sky.any())
 
 
 def substitute(root: ElementTree.Element, parameters: Mapping[str, str]) -> dict[str, str]:
@@ -124,8 +162,15 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
         camera=_camera(sensor),
         max_depth=int(depth),
         shapes=tuple(_shape(e, materials) for e in root.findall("shape")),
-        point_lights=tuple(_point_light(e) for e in root.findall("emitter") if e.attrib["type"] == "point"),
+        point_lights=tuple(_point_light(e) for e in _emitters(root, "point")),
+        suns=tuple(_sun(e) for e in _emitters(root, "directional")),
+        spots=tuple(_spot(e) for e in _emitters(root, "spot")),
+        sky=sum((_rgb(e, "radiance", 1.0) for e in _emitters(root, "constant")), np.zeros(3)),
     )
+
+
+def _emitters(root: ElementTree.Element, kind: str) -> list[ElementTree.Element]:
+    return [e for e in root.findall("emitter") if e.attrib["type"] == kind]
 
 
 def _named(element: ElementTree.Element, name: str) -> ElementTree.Element | None:
@@ -196,7 +241,14 @@ def _rotation(axis: Array, angle: float) -> Array:
 def _material(element: ElementTree.Element) -> Material:
     kind = element.attrib["type"]
     if kind == "conductor":
-        return Material(kind, _rgb(element, "specular_reflectance", 1.0))
+        k = _rgb(element, "k", -1.0)
+        return Material(kind, _rgb(element, "specular_reflectance", 1.0), _rgb(element, "eta", 0.0), k)
+    if kind == "dielectric":
+        ratio = float(_value(element, "int_ior", "1.5046")) / float(_value(element, "ext_ior", "1.000277"))
+        return Material(kind, _rgb(element, "specular_reflectance", 1.0), np.full(3, ratio))
+    if kind == "blendbsdf":
+        parts = tuple(_material(e) for e in element.findall("bsdf"))
+        return Material(kind, np.zeros(3), weight=float(_value(element, "weight", "0.5")), parts=parts)
     return Material(kind, _rgb(element, "reflectance", 0.5))
 
 
@@ -228,6 +280,21 @@ def _point_light(element: ElementTree.Element) -> PointLight:
     position = _named(element, "position")
     origin = _transform(element)[:3, 3] if position is None else _xyz(position)
     return PointLight(origin, _rgb(element, "intensity", 1.0))
+
+
+def _sun(element: ElementTree.Element) -> Sun:
+    direction = _named(element, "direction")
+    way = _transform(element)[:3, 2] if direction is None else _xyz(direction)
+    return Sun(way / np.linalg.norm(way), _rgb(element, "irradiance", 1.0))
+
+
+def _spot(element: ElementTree.Element) -> Spot:
+    to_world = _transform(element)
+    cutoff = float(_value(element, "cutoff_angle", "20"))
+    beam = float(_value(element, "beam_width", str(0.75 * cutoff)))
+    axis = to_world[:3, 2] / np.linalg.norm(to_world[:3, 2])
+    intensity = _rgb(element, "intensity", 1.0)
+    return Spot(to_world[:3, 3], axis, intensity, math.radians(cutoff), math.radians(beam))
 
 
 def _camera(sensor: ElementTree.Element) -> Camera:
