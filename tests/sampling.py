@@ -30,6 +30,15 @@ HEMISPHERES = {"uniform": 0, "cosine": 1}
 CHOICES = {"uniform": 0, "power": 1, "contribution": 2, "learned": 3}
 POINTS = {"area": 0, "facing": 1, "cone": 2}
 
+# The numbers that each entry of sampling.c gives for a column.
+ROWS = {
+    **dict.fromkeys(
+        ("hemisphere_uniform", "hemisphere_cosine", "sphere", "cone", "square", "disk", "densities"), 4
+    ),
+    **{"dielectric": 3, "conductor": 1, "scatter": 21, "light_sample": 9, "light_hit": 4, "choose": 2},
+    **{"choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9},
+}
+
 SCENE = """<scene version="3.0.0">
 <integrator type="path"><integer name="max_depth" value="5"/></integrator>
 <sensor type="perspective"><float name="fov" value="40"/>
@@ -47,24 +56,38 @@ SCENE = """<scene version="3.0.0">
 class Driver:
     """sampling.c, compiled for one precision and number of lanes."""
 
-    def __init__(self, folder: Path, precision: str = "double", lanes: int = 1, source: Path = SOURCES) -> None:
+    def __init__(
+        self, folder: Path, precision: str = "double", lanes: int = 1, source: Path = SOURCES
+    ) -> None:
         self.folder = folder
         target = folder / f"sampling_{precision}_{lanes}.so"
         scene_files = [path for path in sorted(source.glob("*.c")) if path.stem not in PROGRAM]
         settings = [f"-DLANES={lanes}", *(["-DSINGLE"] if precision == "single" else []), f"-I{source}"]
-        command = ["cc", *FLAGS, *settings, ROOT / "tests/sampling.c", *scene_files, "-lexpat", "-lm", "-o", target]
+        command = [
+            "cc",
+            *FLAGS,
+            *settings,
+            ROOT / "tests/sampling.c",
+            *scene_files,
+            "-lexpat",
+            "-lm",
+            "-o",
+            target,
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr[-3000:]
         self.library = ctypes.CDLL(str(target))
         self.library.scene_open.restype = ctypes.c_void_p
 
-    def __call__(self, name: str, rows: int, *columns: ArrayLike, scene: int | None = None) -> Array:
-        """What entry `name` gives, (rows, n), for columns that are (n,), (k, n), or the same for all."""
+    def __call__(self, name: str, *columns: ArrayLike, scene: int | None = None) -> Array:
+        """What entry `name` gives, (ROWS[name], n), for columns that are (n,), (k, n), or the same for all."""
         given = [np.asarray(column, dtype=np.float64) for column in columns]
         n = max(column.shape[-1] for column in given if column.ndim)
-        wide = [np.broadcast_to(c, (n,)) if c.ndim < 2 else np.broadcast_to(c, (c.shape[0], n)) for c in given]
+        wide = [
+            np.broadcast_to(c, (n,)) if c.ndim < 2 else np.broadcast_to(c, (c.shape[0], n)) for c in given
+        ]
         inputs = np.ascontiguousarray(np.vstack(wide))
-        out = np.empty((rows, n))
+        out = np.empty((ROWS[name], n))
         pointers = (inputs.ctypes.data_as(ctypes.c_void_p), out.ctypes.data_as(ctypes.c_void_p))
         getattr(self.library, name)(ctypes.c_void_p(scene), ctypes.c_size_t(n), *pointers)
         return out
@@ -122,7 +145,9 @@ def chi_squared(observed: Array, expected: Array) -> float:
     The bins with the fewest expected are put together until each has at least FEWEST_EXPECTED.
     """
     observed, expected = np.ravel(observed), np.ravel(expected)
-    np.testing.assert_allclose(expected.sum(), observed.sum(), rtol=1e-5, err_msg="the bins are not all there is")
+    np.testing.assert_allclose(
+        expected.sum(), observed.sum(), rtol=1e-5, err_msg="the bins are not all there is"
+    )
     if observed[expected < 1e-12 * expected.sum()].any():
         return 0.0
     order = np.argsort(expected)
