@@ -1,5 +1,5 @@
-"""What a point sees of a light, worked out apart from the tracer: a chart takes the unit square to the directions
-in which the light is seen. A new shape of light is one more chart.
+"""What a point sees of a light, worked out apart from the tracer: a chart takes the unit square to the
+directions in which the light is seen. A new shape of light is one more chart.
 
 Each has `directions(places)`, places (2, n) to unit vectors (3, n) and the solid angle per area of the square
 (n,), and its inverse `places(directions)`.

@@ -1,4 +1,4 @@
-"""The tracer's own sampling functions, called over arrays (sampling.c), and the statistics that judge them."""
+"""The tracer's own sampling functions, called over arrays (sampling.c), and the statistics to judge them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 SOURCES = ROOT / "src/oneray"
 PROGRAM = {"main", "kernel", "kernels", "options", "render", "output", "film", "exr"}  # not needed here
-FLAGS = "-std=c99 -D_XOPEN_SOURCE=700 -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror".split()
-FLAGS += "-ffp-contract=off -fno-math-errno -fno-trapping-math -O1 -fPIC -shared".split()
+FLAGS = ["-std=c99", "-D_XOPEN_SOURCE=700", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+FLAGS += ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Werror", "-O1", "-fPIC", "-shared"]
 
 # All statistical checks of a test file together raise a false alarm once in 10⁴ choices of its seeds (Šidák).
 FALSE_ALARMS, CHECKS = 1e-4, 160
@@ -80,7 +80,7 @@ class Driver:
         self.library.scene_open.restype = ctypes.c_void_p
 
     def __call__(self, name: str, *columns: ArrayLike, scene: int | None = None) -> Array:
-        """What entry `name` gives, (ROWS[name], n), for columns that are (n,), (k, n), or the same for all."""
+        """What entry `name` gives, (ROWS[name], n), for columns (n,), (k, n), or the same for all."""
         given = [np.asarray(column, dtype=np.float64) for column in columns]
         n = max(column.shape[-1] for column in given if column.ndim)
         wide = [

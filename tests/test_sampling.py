@@ -8,9 +8,7 @@ alarm for one choice of seeds in 10⁴.
 
 from __future__ import annotations
 
-
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,12 +40,6 @@ def plausible(p: float) -> bool:
     checks += 1
     assert checks <= CHECKS, "more checks than the false-alarm rate was shared among"
     return p > LEVEL
-
-
-@pytest.fixture(scope="module")
-def driver(tmp_path_factory: pytest.TempPathFactory) -> Driver:
-    """Double precision, one lane."""
-    return Driver(tmp_path_factory.mktemp("sampling"))
 
 
 # ---- sample.h
@@ -349,7 +341,7 @@ def test_a_light_gives_its_irradiance(driver: Driver, case: Case) -> None:
 
 
 def polygon_irradiance(corners: Array, normal: Array) -> float:
-    """Lambert's formula: ½ Σ angle of each edge × cosine of its plane's normal; corners (3, k) from the eye."""
+    """Lambert's formula: ½ Σ angle of each edge × cosine of its plane's normal; corners (3, k) as seen."""
     corners = corners / np.linalg.norm(corners, axis=0)
     across = np.cross(corners, np.roll(corners, -1, axis=1), axis=0)
     sine = np.linalg.norm(across, axis=0)
@@ -686,7 +678,7 @@ def test_the_sky_shines_on_the_scenes_ball(driver: Driver) -> None:
 
 
 def test_many_lights_give_the_sum_of_their_fluxes(driver: Driver) -> None:
-    """One light chosen and divided by its p_i: the mean flux is Σ Φ_i, here of a spot, a sphere and a cube."""
+    """One light chosen and divided by its p_i: the mean flux is Σ Φ_i; here a spot, a sphere and a cube."""
     sphere = ball(1, 2, 3, 0.5).removeprefix(FLOOR)
     cube = CUBE.removeprefix(FLOOR)
     _, _, flux = emitted(driver, SPOT + sphere + cube)
@@ -743,13 +735,6 @@ def test_the_eye_sees_nothing_beside_the_film_or_beyond_its_planes(driver: Drive
 
 
 # ---- lanes and precision
-
-
-@pytest.fixture(scope="module")
-def wide(tmp_path_factory: pytest.TempPathFactory) -> list[Driver]:
-    """Two lanes in double precision, four in single: any processor of this architecture has them."""
-    folder = tmp_path_factory.mktemp("wide")
-    return [Driver(folder, "double", 2), Driver(folder, "single", 4)]
 
 
 def agree(driver: Driver, wide: list[Driver], ask, tolerance: float) -> None:
