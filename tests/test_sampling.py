@@ -386,6 +386,66 @@ def test_a_sphere_fills_its_solid_angle_however_far(driver: Driver, s: float) ->
     np.testing.assert_allclose(inverse, 2 * np.pi * s**2 / (1 + np.sqrt((1 - s) * (1 + s))), rtol=4e-15)
 
 
+def test_the_wall_of_a_sphere_sees_all_of_it_however_its_points_are_rounded(driver: Driver) -> None:
+    """From a point of the wall, 1/pdf_w = 4πR² cosθ/d² with cosθ = d/2R: 2πR/d. Rounding puts many such
+    points outside the sphere; which surface they lie on says what they are."""
+    center, radius = column((0.1, -0.2, 0.3)), 2.0
+    eye = center + radius * directions(5000, 34)
+    assert (np.linalg.norm(eye - center, axis=0) > radius).any()
+    case = inner_case("wall", "cone")
+    with driver.scene(case.scene, points=case.points) as scene:
+        for slot, every in ((driver.light_slot(scene, 0), True), (-1, False)):
+            ways = [eye, center - eye, slot, 0, uniforms(5000, 35)]
+            sampled = driver("light_sample", *ways, scene=scene)
+            right = np.isclose(sampled[7] * sampled[3], 2 * np.pi * radius, rtol=1e-6)
+            assert right.all() == every  # without the slot, the check fails
+
+
+def rectangle_solid_angle(eye: Array, low: Array, high: Array) -> Array:
+    """Of rectangles low … high (2, n) in the plane z = 0 from eyes (3, n): Σ ± atan(x y / (z d)) of the
+    corners, in extended precision."""
+    eye = np.asarray(eye, dtype=np.longdouble)
+    x, y, z = (low[0] - eye[0], high[0] - eye[0]), (low[1] - eye[1], high[1] - eye[1]), np.abs(eye[2])
+    corner = [[np.arctan2(a * b, z * np.sqrt(a**2 + b**2 + z**2)) for b in y] for a in x]
+    return (corner[0][0] - corner[0][1] - corner[1][0] + corner[1][1]).astype(np.float64)
+
+
+LYING = shape("rectangle", '<scale x="0.6" y="0.9"/>')
+LOW, HIGH = np.array([[-0.6], [-0.9]]), np.array([[0.6], [0.9]])
+
+
+@pytest.mark.parametrize(("least", "error"), [(0.1, 1e-11), (1e-3, 1e-7), (1e-12, 1e-4)])
+def test_a_rectangle_fills_its_solid_angle_however_near(driver: Driver, least: float, error: float) -> None:
+    """Of all that see more than 1e-4 sr of it: those far from its plane to the last digits, those that see it
+    edge-on with fewer."""
+    n = 50_000
+    height = np.exp(uniforms(n, 30, 1, np.log(least), np.log(0.5)))
+    eye = np.vstack([uniforms(n, 31, 2, -1.2, 1.2), height])
+    with driver.scene(LYING, points="cone") as scene:
+        inverse = driver("light_sample", eye, column((0, 0, -1)), -1, 0, uniforms(n, 32), scene=scene)[7]
+    truth = rectangle_solid_angle(eye, LOW, HIGH)
+    large = truth > 1.01e-4
+    assert large.sum() > 0.3 * n
+    np.testing.assert_allclose(inverse[large], truth[large], rtol=error)
+
+
+@pytest.mark.parametrize("eye", [(0, 0, 1e-9), (0.3, 0, 0.05), (0.45, -0.9, 1e-3), (0.61, 0.1, 1e-3)])
+def test_points_of_a_rectangle_in_contact_follow_the_solid_angle(driver: Driver, eye: ArrayLike) -> None:
+    """Each part of it gets its share of the solid angle, closed forms both."""
+    edges = [np.linspace(low, high, 9) for low, high in zip(LOW[:, 0], HIGH[:, 0], strict=True)]
+    low = np.stack(np.meshgrid(edges[0][:-1], edges[1][:-1], indexing="ij")).reshape(2, -1)
+    high = np.stack(np.meshgrid(edges[0][1:], edges[1][1:], indexing="ij")).reshape(2, -1)
+    expected = rectangle_solid_angle(column(eye), low, high)
+    with driver.scene(LYING, points="cone") as scene:
+        way = [column(eye), column((0, 0, -1)), -1]
+        sampled = driver("light_sample", *way, 0, uniforms(SAMPLES, 33), scene=scene)
+    points = column(eye) + sampled[:3] * sampled[3]
+    np.testing.assert_allclose(points[2], 0, atol=1e-15)
+    assert (np.abs(points[:2]) <= HIGH + 1e-12).all()
+    counts = np.bincount(cell((points[:2] - LOW) / (HIGH - LOW), (8, 8)), minlength=64)
+    assert plausible(chi_squared(counts, SAMPLES * expected / expected.sum()))
+
+
 def test_a_light_among_others_is_sampled_as_it_is_alone(driver: Driver) -> None:
     """Bit by bit: its tables are looked up, nothing else changes."""
     other = '<emitter type="point"><rgb name="intensity" value="1"/></emitter>'
@@ -533,6 +593,19 @@ def test_a_light_has_no_chance_only_where_it_gives_nothing(
         assert (p[reaches] > 0).all()
         none += np.sum(p == 0)
     assert none > 1000
+
+
+@pytest.mark.parametrize("choice", ["contribution", "learned"])
+def test_of_two_lights_the_one_below_the_horizon_is_never_chosen(driver: Driver, choice: str) -> None:
+    """The lecture's second situation: 100 % for the other, ×1."""
+    flip = '<rotate x="1" angle="180"/>'
+    two = shape("disk", f'{flip}<translate z="2"/>') + shape("disk", '<translate z="-2"/>').removeprefix(
+        FLOOR
+    )
+    at = np.array([[0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [1, -1], [-1, -1]])
+    with driver.scene(two, choice=choice) as scene:
+        learn(driver, scene, choice)
+        np.testing.assert_array_equal(probabilities(driver, scene, at), [[1, 0], [0, 1]])
 
 
 def test_a_light_without_a_chance_would_be_noticed(driver: Driver) -> None:
