@@ -599,7 +599,7 @@ def test_a_light_has_no_chance_only_where_it_gives_nothing(
 def test_of_two_lights_the_one_below_the_horizon_is_never_chosen(driver: Driver, choice: str) -> None:
     """The lecture's second situation: 100 % for the other, ×1."""
     flip = '<rotate x="1" angle="180"/>'
-    two = shape("disk", f'{flip}<translate z="2"/>') + shape("disk", '<translate z="-2"/>').removeprefix(
+    two = shape("disk", f'{flip}<translate z="3"/>') + shape("disk", '<translate z="-3"/>').removeprefix(
         FLOOR
     )
     at = np.array([[0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [1, -1], [-1, -1]])
