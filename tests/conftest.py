@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from sampling import Driver
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -26,3 +27,16 @@ def scene():
         return found
 
     return path
+
+
+@pytest.fixture(scope="session")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> Driver:
+    """The functions of the headers, in double precision, one lane."""
+    return Driver(tmp_path_factory.mktemp("driver"))
+
+
+@pytest.fixture(scope="session")
+def wide(tmp_path_factory: pytest.TempPathFactory) -> list[Driver]:
+    """The same for two lanes in double precision and four in single, which any processor here has."""
+    folder = tmp_path_factory.mktemp("wide")
+    return [Driver(folder, "double", 2), Driver(folder, "single", 4)]

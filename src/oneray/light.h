@@ -140,14 +140,14 @@ typedef struct {
 #define LEAST_SOLID_ANGLE 1e-4
 #endif
 
-/* The sum, below 2π, of the two angles in [0, π] whose cosines these are, by one arctangent: the argument of
-   the product of two complex numbers. */
+/* The sum of the two angles in [0, π] whose cosines these are, by one arctangent: the argument of the product
+   of two complex numbers. It is beyond π where the cosines' sum is negative, up to 2π, where the sine is 0. */
 INLINE Real angle_of_cosines(Real a, Real b)
 {
     Real sine_a = real_sqrt(real_max((real(1) - a) * (real(1) + a), real(0)));
     Real sine_b = real_sqrt(real_max((real(1) - b) * (real(1) + b), real(0)));
     Real y = sine_a * b + a * sine_b, angle = angle_of(real_abs(y), a * b - sine_a * sine_b);
-    return select(y < real(0), real(2) * REAL_PI - angle, angle);
+    return select(a + b < real(0), real(2) * REAL_PI - angle, angle);
 }
 
 INLINE RectangleView view_rectangle(const Lights *lights, Index i, const Receiver *at, Features f)

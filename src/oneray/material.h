@@ -117,10 +117,12 @@ INLINE void sample_conductor(const Materials *materials, const Surface *s, Index
 }
 
 /* L15 The cosine beyond a boundary, from the cosine c here and the ratio of the indices, here/beyond: Snell.
-   0 in total internal reflection. */
+   0 in total internal reflection. 1 - ratio² (1 - c²), in a form that keeps its digits at grazing angles
+   where the indices are nearly the same. */
 INLINE Real refracted_cosine(Real c, Real ratio)
 {
-    return real_sqrt(real_max(real(1) - ratio * ratio * (real(1) - c) * (real(1) + c), real(0)));
+    Real rc = ratio * c;
+    return real_sqrt(real_max((real(1) - ratio) * (real(1) + ratio) + rc * rc, real(0)));
 }
 
 /* L15 Reflectance of a boundary between dielectrics for unpolarised light, exact: the mean of

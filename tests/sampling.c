@@ -1,0 +1,279 @@
+/* The header functions over arrays, for tests/test_sampling.py and test_materials.py. Each entry takes n
+   columns of numbers, in[row * n + i], and gives as many, out[row * n + i]; LANES of them go at a time. */
+#include "light_trace.h"
+#include "prepare.h"
+
+typedef struct {
+    const double *in;
+    double *out;
+    size_t n, at; /* columns, and which of them lane 0 works on */
+} Block;
+
+/* Row `row` of the block; lanes beyond the last column repeat it. */
+INLINE Real get(const Block *b, size_t row)
+{
+    Real a = real(0);
+    for (size_t lane = 0; lane < LANES; lane++)
+        LANE(a, lane) = (Num)b->in[row * b->n + (b->at + lane < b->n ? b->at + lane : b->n - 1)];
+    return a;
+}
+INLINE Vec get_vec(const Block *b, size_t row) { return vec(get(b, row), get(b, row + 1), get(b, row + 2)); }
+INLINE Index get_index(const Block *b, size_t row)
+{
+    Index a = index_of(0);
+    for (size_t lane = 0; lane < LANES; lane++)
+        LANE(a, lane) = (Int)b->in[row * b->n + (b->at + lane < b->n ? b->at + lane : b->n - 1)];
+    return a;
+}
+
+INLINE void put(Block *b, size_t row, Real a)
+{
+    for (size_t lane = 0; lane < LANES && b->at + lane < b->n; lane++)
+        b->out[row * b->n + b->at + lane] = (double)LANE(a, lane);
+}
+INLINE void put_vec(Block *b, size_t row, Vec a)
+{
+    put(b, row, a.x);
+    put(b, row + 1, a.y);
+    put(b, row + 2, a.z);
+}
+INLINE void put_index(Block *b, size_t row, Index a)
+{
+    for (size_t lane = 0; lane < LANES && b->at + lane < b->n; lane++)
+        b->out[row * b->n + b->at + lane] = (double)LANE(a, lane);
+}
+INLINE void put_mask(Block *b, size_t row, Mask a) { put(b, row, only(a, real(1))); }
+
+/* void NAME(scene, n, in, out), whose body works on one block b of columns. */
+#define OVER_COLUMNS(name)                                                                                   \
+    static void name##_of(const Scene *scene, Block *b);                                                     \
+    extern void name(const void *scene, size_t n, const double *in, double *out);                            \
+    void name(const void *scene, size_t n, const double *in, double *out)                                    \
+    {                                                                                                        \
+        Block b = {in, out, n, 0};                                                                           \
+        for (; b.at < n; b.at += LANES)                                                                      \
+            name##_of(scene, &b);                                                                            \
+    }                                                                                                        \
+    static void name##_of(const Scene *scene, Block *b)
+
+/* ---- sample.h: (u, v, extent) to (x, y, z, pdf). */
+OVER_COLUMNS(hemisphere_uniform)
+{
+    (void)scene;
+    put_vec(b, 0, sample_hemisphere_uniform(get(b, 0), get(b, 1)));
+    put(b, 3, pdf_w_hemisphere_uniform());
+}
+OVER_COLUMNS(hemisphere_cosine)
+{
+    (void)scene;
+    Vec d = sample_hemisphere_cosine(get(b, 0), get(b, 1));
+    put_vec(b, 0, d);
+    put(b, 3, pdf_w_hemisphere_cosine(d.z));
+}
+OVER_COLUMNS(sphere)
+{
+    (void)scene;
+    put_vec(b, 0, sample_sphere(get(b, 0), get(b, 1)));
+    put(b, 3, pdf_w_sphere());
+}
+OVER_COLUMNS(cone)
+{
+    (void)scene;
+    put_vec(b, 0, sample_cone(get(b, 0), get(b, 1), get(b, 2)));
+    put(b, 3, pdf_w_cone(get(b, 2)));
+}
+OVER_COLUMNS(square)
+{
+    (void)scene;
+    Vec p = vec_all(real(0));
+    sample_square(get(b, 0), get(b, 1), &p.x, &p.y);
+    put_vec(b, 0, p);
+    put(b, 3, real(0.25));
+}
+OVER_COLUMNS(disk)
+{
+    (void)scene;
+    Vec p = vec_all(real(0));
+    sample_disk(get(b, 0), get(b, 1), &p.x, &p.y);
+    put_vec(b, 0, p);
+    put(b, 3, REAL_INV_PI);
+}
+
+/* The densities at a cosine z, and of a cone: (z, extent) to (hemisphere uniform, cosine, sphere, cone). */
+OVER_COLUMNS(densities)
+{
+    (void)scene;
+    put(b, 0, pdf_w_hemisphere_uniform());
+    put(b, 1, pdf_w_hemisphere_cosine(get(b, 0)));
+    put(b, 2, pdf_w_sphere());
+    put(b, 3, pdf_w_cone(get(b, 1)));
+}
+
+/* ---- Fresnel: (cosine, ratio) to (cosine beyond, exact, Schlick); (cosine, η, k) to the conductor's. */
+OVER_COLUMNS(dielectric)
+{
+    (void)scene;
+    Real c = get(b, 0), ratio = get(b, 1), c_t = refracted_cosine(c, ratio);
+    put(b, 0, c_t);
+    put(b, 1, fresnel_dielectric(c, c_t, ratio));
+    put(b, 2, fresnel_schlick(c, c_t, ratio));
+}
+OVER_COLUMNS(conductor)
+{
+    (void)scene;
+    put(b, 0, fresnel_conductor(get(b, 0), get(b, 1), get(b, 2)));
+}
+
+/* ---- A scene, and the technique by which it is sampled. */
+extern void *scene_open(const char *file, int estimator, int hemisphere, int choice, int points, int schlick);
+void *scene_open(const char *file, int estimator, int hemisphere, int choice, int points, int schlick)
+{
+    Technique technique = {.estimator = (Estimator)estimator,
+        .hemisphere = (Hemisphere)hemisphere,
+        .light_choice = (LightChoice)choice,
+        .light_points = (LightPoints)points,
+        .fresnel = (Fresnel)schlick};
+    Description *description = description_read(file, NULL, 0);
+    void *scene = prepare(description, &technique);
+    description_free(description);
+    return scene;
+}
+extern void scene_close(void *scene);
+void scene_close(void *scene) { release(scene); }
+extern int light_count(const void *scene);
+int light_count(const void *scene) { return ((const Scene *)scene)->lights.count; }
+extern int light_slot(const void *scene, int light);
+int light_slot(const void *scene, int light) { return (int)((const Scene *)scene)->lights.slot[light]; }
+
+/* As if a lesson had been taken in this box (low x y z, high x y z): of 60 rays to each node, any number were
+   seen to arrive. */
+extern void learn_anything(void *scene, const double box[6], uint32_t seed);
+void learn_anything(void *prepared, const double box[6], uint32_t seed)
+{
+    Scene *scene = prepared;
+    LightTree *tree = &scene->lights.tree;
+    Lesson lesson;
+    memset(&lesson, 0, sizeof lesson);
+    store(lesson.low, box);
+    store(lesson.high, box + 3);
+    size_t numbers = lay_regions(tree, &lesson, 4);
+    tree->visible = keep(scene, numbers, sizeof *tree->visible);
+    tree->uniform_share = (Num)LEARNED_UNIFORM_SHARE;
+    for (size_t k = 0; k < numbers; k++) {
+        seed = seed * 1664525u + 1013904223u;
+        tree->visible[k] = (Num)learned_share((seed >> 16) % 61, 60);
+    }
+}
+
+/* ---- Materials: a ray (o, d) and u[4] to (wi, factor, pdf, specular, compression, n, f_r, pdf and f_r cosθ/
+   pdf for the cosine of wi, the row that choose_layer takes, 1 where a surface is met). */
+OVER_COLUMNS(scatter)
+{
+    Features f = scene->features;
+    Ray ray = {get_vec(b, 0), get_vec(b, 3), real(NUM_MAX), index_of(-1)};
+    const Real u[4] = {get(b, 6), get(b, 7), get(b, 8), get(b, 9)};
+    Hit hit = shapes_hit(&scene->shapes, &ray, mask_none(), f);
+    Mask front;
+    Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
+    Scatter out = sample_material(&scene->materials, &s, u, f);
+    Real cosine = vec_dot(s.n, out.wi);
+    put_vec(b, 0, out.wi);
+    put_vec(b, 3, out.factor);
+    put(b, 6, out.pdf_w);
+    put_mask(b, 7, out.specular);
+    put(b, 8, out.compression);
+    put_vec(b, 9, s.n);
+    put_vec(b, 12, eval_diffuse(&s));
+    put(b, 15, pdf_w_diffuse(&s, cosine, f));
+    put_vec(b, 16, factor_diffuse(&s, cosine, f));
+    put_index(b, 19, f & HAS_BLEND ? choose_layer(&scene->materials, &s, u[3]) : s.row);
+    put_mask(b, 20, hit.slot >= index_of(0));
+}
+
+/* ---- Lights. A receiver is (p, n, slot). */
+INLINE Receiver get_receiver(const Block *b)
+{
+    return (Receiver){get_vec(b, 0), get_vec(b, 3), get_index(b, 6)};
+}
+
+/* A receiver, a light and (u, v) to (wi, distance, weight, 1/pdf_w, slot). */
+OVER_COLUMNS(light_sample)
+{
+    Receiver at = get_receiver(b);
+    Index i = get_index(b, 7);
+    LightSample s =
+        sample_light_point(&scene->lights, i, real(1), &at, get(b, 8), get(b, 9), scene->features);
+    put_vec(b, 0, s.wi);
+    put(b, 3, s.distance);
+    put_vec(b, 4, s.weight);
+    put(b, 7, s.inverse_pdf_w);
+    put_index(b, 8, s.slot);
+}
+
+/* A receiver and a direction to what MIS knows of the light met there: (light or -1, distance, cosine,
+   1/pdf_w). */
+OVER_COLUMNS(light_hit)
+{
+    Features f = scene->features;
+    Receiver at = get_receiver(b);
+    Ray ray = {at.p, get_vec(b, 7), real(NUM_MAX), at.slot};
+    Hit hit = shapes_hit(&scene->shapes, &ray, mask_none(), f);
+    Mask front;
+    Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
+    Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s.slot);
+    Mask shines = front & (hit.slot >= 0) & (vec_max(emission) > real(0));
+    Index i = gather_index(scene->lights.slot_light, s.slot);
+    put_index(b, 0, index_select(shines, i, index_of(-1)));
+    put(b, 1, hit.t);
+    put(b, 2, s.cos_o);
+    put(b, 3, inverse_pdf_w_hit(&scene->lights, i, &at, hit.t, s.cos_o, f));
+}
+
+/* A receiver and (u, v) to the light chosen and 1/p_i; a receiver and a light to its 1/p_i. */
+OVER_COLUMNS(choose)
+{
+    Receiver at = get_receiver(b);
+    Real inverse;
+    put_index(b, 0, choose_light(&scene->lights, &at, get(b, 7), get(b, 8), &inverse, scene->features));
+    put(b, 1, inverse);
+}
+OVER_COLUMNS(choice_of)
+{
+    Receiver at = get_receiver(b);
+    put(b, 0, inverse_choice_of(&scene->lights, &at, get_index(b, 7), scene->features));
+}
+
+/* ---- L17: the number of a path to its first ray and flux (o, d, from, flux). */
+OVER_COLUMNS(emit)
+{
+    Start start;
+    memset(&start, 0, sizeof start);
+    start.rng.key[0] = 20240229u;
+    start.rng.pixel = (Bits)get_index(b, 0);
+    start_at_light(&start, scene, scene->features);
+    put_vec(b, 0, start.ray.o);
+    put_vec(b, 3, start.ray.d);
+    put_index(b, 6, start.ray.from);
+    put_vec(b, 7, start.flux);
+}
+
+/* ---- Camera: a place on the film (x, y) to its ray (o, d, tmax); a point to the eye as it sees it (seen,
+   wi, distance, to_near, x, y, weight). */
+OVER_COLUMNS(film_ray)
+{
+    Ray ray = camera_ray(&scene->camera, get(b, 0), get(b, 1));
+    put_vec(b, 0, ray.o);
+    put_vec(b, 3, ray.d);
+    put(b, 6, ray.tmax);
+}
+OVER_COLUMNS(eye)
+{
+    Eye e = eye_from(&scene->camera, get_vec(b, 0));
+    put_mask(b, 0, e.seen);
+    put_vec(b, 1, e.wi);
+    put(b, 4, e.distance);
+    put(b, 5, e.to_near);
+    put(b, 6, e.x);
+    put(b, 7, e.y);
+    put(b, 8, e.weight);
+}
