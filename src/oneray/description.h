@@ -32,7 +32,14 @@ typedef struct {
     int line;
 } Material;
 
-typedef enum { SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_DISK, SHAPE_CUBE, SHAPE_KINDS } ShapeKind;
+typedef enum { SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_DISK, SHAPE_CUBE, SHAPE_MESH, SHAPE_KINDS } ShapeKind;
+
+/* Triangles; for a smooth one, unit normals by vertex, else zeros, or NULL if no mesh of the scene has any. */
+typedef struct {
+    double (*vertex)[3], (*normal)[3];
+    int32_t (*triangle)[3]; /* counter-clockwise as seen from the side of the normal */
+    int vertex_count, triangle_count;
+} Mesh;
 
 typedef struct {
     ShapeKind kind;
@@ -40,6 +47,9 @@ typedef struct {
                         disk x²+y² ≤ 1 at z = 0 with normal +z; cube [-1,1]³. A sphere's
                         center and radius are folded in: it is a uniform scale. */
     bool flip_normals;
+    int first_triangle, triangle_count; /* mesh: which of the description's; to_world and flip_normals
+                                           are done with */
+    bool smooth;                        /* mesh: it has vertex normals */
     int front, back; /* index into materials, or MATERIAL_NONE, by side of the normal */
     int light;       /* index into lights, or -1 */
     int line;
@@ -81,9 +91,12 @@ typedef struct {
     int material_count;
     Shape *shapes;
     int shape_count;
+    Mesh mesh;         /* the triangles of all meshes, one after the other */
+    char **mesh_files; /* that were read */
+    int mesh_file_count;
     Light *lights;
     int light_count;
-    uint64_t hash; /* FNV-1a of the file's bytes and the sorted -D parameters */
+    uint64_t hash; /* FNV-1a of the bytes of the file and of its mesh files, and the sorted -D parameters */
 } Description;
 
 /* One -Dname=value of the command line. */

@@ -9,6 +9,7 @@
 typedef enum {
     SITE_RECTANGLE,
     SITE_DISK,
+    SITE_TRIANGLE,
     SITE_SPHERE,
     SITE_POINT,
     SITE_SPOT,
@@ -49,7 +50,7 @@ typedef struct {
     Num (*emission)[3]; /* radiance, intensity or irradiance (description.h) */
     Num (*position)[3]; /* center of a flat light or sphere; point, spot */
     Num (*edge_x)[3],
-        (*edge_y)[3];        /* flat: half the sides; edge_x of a spot or directional light: its direction */
+        (*edge_y)[3];        /* flat: half the sides, of a triangle two sides from one corner; edge_x of a spot or directional light: its direction */
     Num (*normal)[3];        /* flat: unit normal of the side that shines */
     Num (*half)[2];          /* lengths of edge_x and edge_y of a rectangle with right angles, else 0 */
     Num *radius;             /* sphere, negative where it shines inwards */
@@ -61,7 +62,8 @@ typedef struct {
     Int *alias;              /* … else take this one */
     LightTree tree;
     Num (*slot_emission)[3]; /* by slot: radiance along the slot's normal, 0 for what is no light */
-    Int *slot_light;         /* by slot: which light it is, 0 for what is none */
+    Int *slot_light;         /* by slot: which light it is, 0 for what is none; of a mesh, what to add to
+                                the triangle's slot */
     Num environment[3];      /* radiance of the constant light, and which light it is */
     Int environment_light;
     Num world_center[3], world_radius; /* a ball around the scene, which far lights shine on */
@@ -242,7 +244,7 @@ INLINE Real inverse_pdf_w_hit(
 INLINE void sample_area(const Lights *lights, Index i, Real u, Real v, Vec *point, Vec *normal, Features f)
 {
     Vec center = vec_of_light(lights->position, i, f);
-    if (f & HAS_FLAT_LIGHT) {
+    if (f & (HAS_FLAT_LIGHT | HAS_TRIANGLE_LIGHT)) {
         Real x, y, disk_x, disk_y;
         sample_square(u, v, &x, &y);
         if (f & HAS_DISK) {
@@ -250,6 +252,13 @@ INLINE void sample_area(const Lights *lights, Index i, Real u, Real v, Vec *poin
             sample_disk(u, v, &disk_x, &disk_y);
             x = select(disk, disk_x, x);
             y = select(disk, disk_y, y);
+        }
+        if (f & HAS_TRIANGLE_LIGHT) {
+            Mask triangle = light_is(lights, SITE_TRIANGLE, i, f);
+            Real second, third;
+            sample_triangle(u, v, &second, &third);
+            x = select(triangle, second, x);
+            y = select(triangle, third, y);
         }
         *point = vec_add(center, vec_add(vec_scale(vec_of_light(lights->edge_x, i, f), x),
                                      vec_scale(vec_of_light(lights->edge_y, i, f), y)));

@@ -95,6 +95,15 @@ INLINE void add_splats(Splats *splats, const size_t items[], Index pixel, Vec ra
     }
 }
 
+/* Interpolated normals turn the cosines that radiance is weighed by; a light path, which carries flux, spreads
+   and arrives by those of the surface itself. |cosθ_face / cosθ| sets right a direction that leaves, its
+   inverse one that arrives. Veach, Robust Monte Carlo Methods, 1997, 5.3. */
+INLINE Real face_over_shading(const Surface *s, Vec w)
+{
+    Real cosine = real_abs(vec_dot(s->n, w));
+    return select(cosine > real(0), real_abs(vec_dot(s->face, w)) / cosine, real(0));
+}
+
 /* The vertex joined to the eye: Φ f_r cosθ V / (d² cos³θ_eye A_film). */
 INLINE void join_eye(
     Path *path, const Scene *scene, const Surface *s, Mask active, const size_t items[], Splats *splats, Features f)
@@ -106,8 +115,10 @@ INLINE void join_eye(
         return;
     path->shadow_rays += active;
     Ray shadow = {s->p, eye.wi, eye.to_near, s->slot};
-    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, &shadow, index_of(-1), f));
+    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, &shadow, active, index_of(-1), f));
     Vec flux = vec_mul(path->flux, vec_mul(path->throughput, eval_diffuse(s)));
+    if (f & HAS_SMOOTH)
+        flux = vec_scale(flux, face_over_shading(s, eye.wi));
     Index x = real_floor(only(arrives, eye.x)), y = real_floor(only(arrives, eye.y));
     add_splats(splats, items, y * scene->width + x, vec_scale(flux, cosine * eye.weight), arrives);
 }
@@ -116,14 +127,20 @@ INLINE void join_eye(
 INLINE void light_step(Path *path, const Scene *scene, const size_t items[], Splats *splats, Features f)
 {
     path->rays += path->alive;
-    Hit hit = shapes_hit(&scene->shapes, &path->ray, mask_none(), f);
+    Hit hit = shapes_hit(&scene->shapes, &path->ray, path->alive, mask_none(), f);
     Mask front;
     Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
     path->alive &= (hit.slot >= index_of(0)) & (path->depth + 1 < index_of(scene->max_depth));
     if (!any(path->alive))
         return;
+    if (f & HAS_SMOOTH) {
+        Real arriving = select(surface.cos_face > real(0), surface.cos_o / surface.cos_face, real(0));
+        path->flux = vec_scale(path->flux, arriving);
+    }
     join_eye(path, scene, &surface, and_not(path->alive, surface.specular), items, splats, f);
     bounce(path, scene, &surface, f);
+    if (f & HAS_SMOOTH)
+        path->flux = vec_scale(path->flux, face_over_shading(&surface, path->ray.d));
 }
 
 #endif

@@ -155,7 +155,10 @@ static int render_scene(const Options *options)
     Description *scene =
         description_read(options->scene, (Parameter *)options->parameters, options->parameter_count);
     options_check(options, scene);
-    char *const inputs[] = {(char *)options->scene};
+    char **inputs = allocate((size_t)scene->mesh_file_count + 1, sizeof *inputs);
+    inputs[0] = (char *)options->scene;
+    for (int i = 0; i < scene->mesh_file_count; i++)
+        inputs[i + 1] = scene->mesh_files[i];
     const char *const outputs[] = {options->output, options->film,
         options->stats && strcmp(options->stats, "-") ? options->stats : NULL};
     for (int i = 0; i < 3; i++) {
@@ -163,8 +166,9 @@ static int render_scene(const Options *options)
             if (outputs[i] && outputs[k] && !strcmp(outputs[i], outputs[k]))
                 die("%s: is given for two outputs", outputs[i]);
         if (outputs[i])
-            output_check(outputs[i], inputs, 1);
+            output_check(outputs[i], inputs, scene->mesh_file_count + 1);
     }
+    free(inputs);
     seconds.load = seconds_now() - start;
 
     const Kernel *kernel = kernel_find(options->precision, options->lanes);

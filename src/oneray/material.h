@@ -5,7 +5,7 @@
 #define ONERAY_MATERIAL_H
 
 #include "sample.h"
-#include "shape.h"
+#include "meet.h"
 
 typedef struct {
     Num (*albedo)[3];       /* reflectance of a diffuse (times its share of a blend), else
@@ -21,10 +21,12 @@ typedef struct {
 
 /* A surface point as its material sees it. */
 typedef struct {
-    Vec p, n; /* n on the side that the ray came from */
+    Vec p, n;    /* n on the side that the ray came from */
+    Vec face;    /* the normal of the surface itself; light shines along it, and is reflected by n */
+    Real cos_face;
     Vec wo;   /* to the viewer */
     Real cos_o;
-    Index slot;
+    Index slot, of; /* of: its row in the tables by slot */
     Vec albedo;
     Real share;
     Mask specular; /* its BRDF is a delta: no light can be sampled towards it */
@@ -33,19 +35,22 @@ typedef struct {
 
 #define HAS_SPECULAR (HAS_CONDUCTOR | HAS_DIELECTRIC)
 
+/* front: does the ray come to the side that light shines from? */
 INLINE Surface surface_at(
     const Shapes *shapes, const Materials *materials, const Ray *ray, Hit hit, Mask *front, Features f)
 {
     Surface s;
     Vec n;
-    shapes_surface(shapes, ray, hit, f, &s.p, &n);
+    s.slot = index_select(hit.slot < 0, index_of(0), hit.slot);
+    s.of = row_of_slot(shapes, s.slot, f);
+    shapes_surface(shapes, ray, s.slot, s.of, hit.t, f, &s.p, &n, &s.face);
     s.wo = vec_neg(ray->d);
-    Real cosine = vec_dot(n, s.wo);
-    *front = cosine > real(0);
+    Real cosine = vec_dot(n, s.wo), of_face = f & HAS_SMOOTH ? vec_dot(s.face, s.wo) : cosine;
+    *front = of_face > real(0);
+    s.cos_face = real_abs(of_face);
     s.n = vec_scale(n, flip_sign(real(1), cosine));
     s.cos_o = real_abs(cosine);
-    s.slot = index_select(hit.slot < 0, index_of(0), hit.slot);
-    s.row = s.slot * 2 + index_select(*front, index_of(0), index_of(1));
+    s.row = s.of * 2 + index_select(cosine > real(0), index_of(0), index_of(1));
     s.albedo = vec_gather((const Num(*)[3])materials->albedo, s.row);
     s.share = f & HAS_BLEND ? gather(materials->share, s.row) : real(1);
     s.specular = f & HAS_SPECULAR ? mask_all() : mask_none();

@@ -81,12 +81,18 @@ INLINE Real inverse_pdf_w_light(
 INLINE Vec surface_light_met(
     const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
 {
-    Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s->slot);
+    Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s->of);
     Mask shines = front & (hit.slot >= 0) & path->alive & (vec_max(emission) > real(0));
     if (!any(shines))
         return vec_all(real(0));
-    Index i = f & HAS_MANY_LIGHTS ? gather_index(scene->lights.slot_light, s->slot) : index_of(0);
-    Real weight = weight_of_hit(path, inverse_pdf_w_light(path, scene, i, hit.t, s->cos_o, f), f);
+    Index i = index_of(0);
+    if (f & HAS_MANY_LIGHTS)
+        i = gather_index(scene->lights.slot_light, s->of);
+    if ((f & HAS_MANY_LIGHTS) && (f & HAS_TRIANGLE_LIGHT)) {
+        i = i + index_select(s->slot == s->of, index_of(0), s->slot);
+        i = index_select(shines, i, index_of(0));
+    }
+    Real weight = weight_of_hit(path, inverse_pdf_w_light(path, scene, i, hit.t, s->cos_face, f), f);
     return vec_only(shines, vec_scale(emission, weight));
 }
 
@@ -158,7 +164,7 @@ INLINE void next_event(Path *path, const Scene *scene, const Surface *s, Mask ac
         return;
     path->shadow_rays += active;
     Ray shadow = {s->p, sample.wi, sample.distance, s->slot};
-    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, &shadow, sample.slot, f));
+    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, &shadow, active, sample.slot, f));
     path->radiance = vec_add(path->radiance, vec_only(arrives, vec_mul(path_weight(path, f), light)));
     if ((f & USE_LEARNED) && scene->lesson)
         learn_visibility(scene->lesson, &scene->lights.tree, s->p, sample.light, active, arrives);
@@ -195,7 +201,7 @@ INLINE void path_step(Path *path, const Scene *scene, Features f)
 {
     path->rays += path->alive;
     Mask hiding = f & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
-    Hit hit = shapes_hit(&scene->shapes, &path->ray, hiding, f);
+    Hit hit = shapes_hit(&scene->shapes, &path->ray, path->alive, hiding, f);
     Mask front;
     Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
     if (f & (HAS_AREA | HAS_CONSTANT)) {

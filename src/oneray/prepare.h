@@ -40,7 +40,11 @@ static Features features_of_light(const Description *d, const Light *light)
 {
     switch (light->kind) {
     case LIGHT_AREA:
-        return HAS_AREA | (d->shapes[light->shape].kind == SHAPE_SPHERE ? HAS_SPHERE_LIGHT : HAS_FLAT_LIGHT);
+        switch (d->shapes[light->shape].kind) {
+        case SHAPE_SPHERE: return HAS_AREA | HAS_SPHERE_LIGHT;
+        case SHAPE_MESH: return HAS_AREA | HAS_TRIANGLE_LIGHT;
+        default: return HAS_AREA | HAS_FLAT_LIGHT;
+        }
     case LIGHT_POINT: return HAS_POINT;
     case LIGHT_SPOT: return HAS_SPOT;
     case LIGHT_DIRECTIONAL: return HAS_DIRECTIONAL;
@@ -85,13 +89,16 @@ static Features features_of_sampling(const Technique *technique, Features has)
 /* The feature mask: what the scene has, and what the technique does with it. */
 static Features features_of(const Description *d, const Technique *technique)
 {
-    const Features of_kind[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE};
+    const Features of_kind[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE, HAS_TRIANGLE};
     Features f = 0;
     int lights = 0;
     for (int i = 0; i < d->shape_count; i++) {
         f |= aligned_axis(&d->shapes[i]) < 0 ? of_kind[d->shapes[i].kind] : HAS_ALIGNED;
+        f |= d->shapes[i].smooth ? HAS_SMOOTH : 0;
         f |= features_of_material(d, d->shapes[i].front) | features_of_material(d, d->shapes[i].back);
     }
+    if (count_primitives(d) > LOOP_MOST)
+        f |= HAS_TREE;
     for (int i = 0; i < d->light_count; i++) {
         f |= features_of_light(d, &d->lights[i]);
         lights += sites_of(d, &d->lights[i]);

@@ -7,14 +7,14 @@
 /* The ball around the axis-aligned box of all shapes: what a directional or constant light shines on. */
 static double bounding_ball(const Description *d, double center[3])
 {
-    double low[3] = {0}, high[3] = {0}, half[3];
-    for (int i = 0; i < d->shape_count; i++)
+    double low[3] = {0}, high[3] = {0}, half[3], from[3], to[3];
+    for (int i = 0; i < d->shape_count; i++) {
+        box_of(d, &d->shapes[i], from, to);
         for (int axis = 0; axis < 3; axis++) {
-            const double *row = d->shapes[i].to_world.m[axis];
-            double reach = fabs(row[0]) + fabs(row[1]) + fabs(row[2]);
-            low[axis] = i ? fmin(low[axis], row[3] - reach) : row[3] - reach;
-            high[axis] = i ? fmax(high[axis], row[3] + reach) : row[3] + reach;
+            low[axis] = i ? fmin(low[axis], from[axis]) : from[axis];
+            high[axis] = i ? fmax(high[axis], to[axis]) : to[axis];
         }
+    }
     for (int axis = 0; axis < 3; axis++) {
         center[axis] = (high[axis] + low[axis]) / 2;
         half[axis] = (high[axis] - low[axis]) / 2;
@@ -22,16 +22,38 @@ static double bounding_ball(const Description *d, double center[3])
     return length(half);
 }
 
-/* How many lights of the kernel's kind a light of the scene is: a cube shines as six rectangles. */
+/* How many lights of the kernel's kind a light of the scene is: a cube shines as six rectangles, a mesh as its
+   triangles. */
 static int sites_of(const Description *d, const Light *light)
 {
-    return light->kind == LIGHT_AREA ? slots_of(d->shapes[light->shape].kind) : 1;
+    if (light->kind != LIGHT_AREA)
+        return 1;
+    const Shape *shape = &d->shapes[light->shape];
+    return shape->kind == SHAPE_MESH ? shape->triangle_count : slots_of(shape->kind);
+}
+
+/* A triangle's center, two sides, and their cross product. */
+static void triangle_of(
+    const Description *d, int triangle, double center[3], double a[3], double b[3], double across[3])
+{
+    const int32_t *corner = d->mesh.triangle[triangle];
+    const double(*vertex)[3] = (const double(*)[3])d->mesh.vertex;
+    for (int i = 0; i < 3; i++) {
+        a[i] = vertex[corner[1]][i] - vertex[corner[0]][i];
+        b[i] = vertex[corner[2]][i] - vertex[corner[0]][i];
+        center[i] = vertex[corner[0]][i] + (a[i] + b[i]) / 3;
+    }
+    cross(a, b, across);
 }
 
 /* Area (m²) of side k of a shape. */
-static double side_area(const Shape *shape, int k)
+static double side_area(const Description *d, const Shape *shape, int k)
 {
     double a[3], b[3], across[3];
+    if (shape->kind == SHAPE_MESH) {
+        triangle_of(d, shape->first_triangle + k, (double[3]){0}, a, b, across);
+        return length(across) / 2;
+    }
     int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
     column(&shape->to_world, (axis + 1) % 3, a);
     column(&shape->to_world, (axis + 2) % 3, b);
@@ -49,7 +71,7 @@ static double power_of(const Description *d, const Light *light, int side, doubl
 {
     double mean = (light->emission[0] + light->emission[1] + light->emission[2]) / 3;
     switch (light->kind) {
-    case LIGHT_AREA: return PI * side_area(&d->shapes[light->shape], side) * mean;
+    case LIGHT_AREA: return PI * side_area(d, &d->shapes[light->shape], side) * mean;
     case LIGHT_POINT: return 4 * PI * mean;
     case LIGHT_SPOT: return 2 * PI * (1 - cos((light->cutoff_angle + light->beam_width) / 2)) * mean;
     case LIGHT_DIRECTIONAL: return PI * r * r * mean;
@@ -87,6 +109,31 @@ static void prepare_alias(Scene *scene, const double *p)
     free(order);
 }
 
+/* A triangle that shines. */
+static void prepare_triangle_site(Scene *scene, const Description *d, const Light *light, int i, int k, int row)
+{
+    Lights *lights = &scene->lights;
+    const Shape *shape = &d->shapes[light->shape];
+    int triangle = shape->first_triangle + k, slot = scene->shapes.triangles.first_slot + triangle;
+    double center[3], a[3], b[3], normal[3];
+    triangle_of(d, triangle, center, a, b, normal);
+    double size = length(normal);
+    for (int j = 0; j < 3; j++)
+        normal[j] = size > 0 ? normal[j] / size : 0;
+    lights->site[i] = SITE_TRIANGLE;
+    lights->area[i] = (Num)(size / 2);
+    lights->slot[i] = slot;
+    store(lights->position[i], center);
+    store(lights->edge_x[i], a);
+    store(lights->edge_y[i], b);
+    store(lights->normal[i], normal);
+    if (k > 0)
+        return;
+    store(lights->slot_emission[row], light->emission);
+    lights->slot_light[row] = i - slot;
+    scene->shapes.shines[row] = 1;
+}
+
 /* The side of a shape that shines: where it is, its half sides, its normal, by side k. */
 static void prepare_site(Scene *scene, const Description *d, const Light *light, int i, int k, int slot)
 {
@@ -100,9 +147,9 @@ static void prepare_site(Scene *scene, const Description *d, const Light *light,
     column(&shape->to_world, 3, p);
     for (int j = 0; shape->kind == SHAPE_CUBE && j < 3; j++)
         p[j] += (1 - 2 * (k % 2)) * c[j];
-    const Site sites[SHAPE_KINDS] = {SITE_SPHERE, SITE_RECTANGLE, SITE_DISK, SITE_RECTANGLE};
+    const Site sites[SHAPE_KINDS] = {SITE_SPHERE, SITE_RECTANGLE, SITE_DISK, SITE_RECTANGLE, SITE_TRIANGLE};
     lights->site[i] = (Int)sites[shape->kind];
-    lights->area[i] = (Num)side_area(shape, k);
+    lights->area[i] = (Num)side_area(d, shape, k);
     lights->slot[i] = slot;
     store(lights->position[i], p);
     store(lights->edge_x[i], a);
@@ -189,7 +236,9 @@ static void prepare_lights(
             const Light *light = &d->lights[i];
             store(lights->emission[site], light->emission);
             power[site] = power_of(d, light, k, radius);
-            if (light->kind == LIGHT_AREA)
+            if (light->kind == LIGHT_AREA && d->shapes[light->shape].kind == SHAPE_MESH)
+                prepare_triangle_site(scene, d, light, site, k, first_slot[light->shape]);
+            else if (light->kind == LIGHT_AREA)
                 prepare_site(scene, d, light, site, k, first_slot[light->shape] + k);
             else
                 prepare_delta(lights, light, site);

@@ -2,37 +2,7 @@
 #ifndef ONERAY_PREPARE_SHAPES_H
 #define ONERAY_PREPARE_SHAPES_H
 
-#include "message.h"
-#include "scene.h"
-
-#include <stdlib.h>
-
-#define PI 3.14159265358979323846
-
-/* Room that lives as long as the scene, zeroed. */
-static void *keep(Scene *scene, size_t count, size_t size)
-{
-    scene->kept = reallocate(scene->kept, (size_t)scene->kept_count + 1, sizeof *scene->kept);
-    return scene->kept[scene->kept_count++] = allocate(count, size);
-}
-
-static void store(Num to[3], const double from[3])
-{
-    for (int i = 0; i < 3; i++)
-        to[i] = (Num)from[i];
-}
-static void column(const Affine *a, int j, double out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = a->m[i][j];
-}
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-static double length(const double a[3]) { return sqrt(dot(a, a)); }
+#include "prepare_triangles.h"
 
 /* The rows that take the world to the unit shape: with columns a, b, c of the matrix, row 0 is b×c /
    (a·b×c). */
@@ -124,12 +94,13 @@ static void count_shapes(Shapes *s, const Description *d, int counts[SHAPE_KINDS
     s->disk_slot = counts[SHAPE_RECTANGLE];
     s->cube_slot = s->disk_slot + counts[SHAPE_DISK];
     s->sphere_slot = s->cube_slot + 6 * counts[SHAPE_CUBE];
-    s->slot_count = s->sphere_slot + counts[SHAPE_SPHERE];
+    s->mesh_row = s->sphere_slot + counts[SHAPE_SPHERE];
+    s->slot_count = s->mesh_row + counts[SHAPE_MESH];
 }
 
-/* Puts the shape into its table; returns its first slot. filled[axis] counts the aligned rectangles so
-   far. */
-static int place_shape(Shapes *s, const Shape *shape, int filled[3])
+/* Puts the shape into its table; returns its first slot, or a mesh's row. filled[axis] counts the aligned
+   rectangles so far. */
+static int place_shape(Shapes *s, const Shape *shape, int filled[3], int *meshes)
 {
     int axis = aligned_axis(shape), slot;
     if (axis >= 0) {
@@ -147,6 +118,7 @@ static int place_shape(Shapes *s, const Shape *shape, int filled[3])
     case SHAPE_CUBE:
         s->cubes[s->cube_count] = local_of(&shape->to_world);
         return s->cube_slot + 6 * s->cube_count++;
+    case SHAPE_MESH: return s->mesh_row + (*meshes)++;
     default:
         slot = s->sphere_slot + s->sphere_count++;
         prepare_ball(s, shape, slot);
@@ -158,7 +130,7 @@ static int place_shape(Shapes *s, const Shape *shape, int filled[3])
 static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
 {
     Shapes *s = &scene->shapes;
-    int counts[SHAPE_KINDS] = {0}, filled[3] = {0};
+    int counts[SHAPE_KINDS] = {0}, filled[3] = {0}, meshes = 0;
     count_shapes(s, d, counts);
     s->aligned = keep(scene, (size_t)s->aligned_slot[3], sizeof(Aligned));
     s->rectangles = keep(scene, (size_t)(counts[SHAPE_RECTANGLE] - s->aligned_slot[3]), sizeof(Local));
@@ -170,8 +142,8 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
     s->shines = keep(scene, (size_t)s->slot_count, sizeof *s->shines);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
-        int slot = first_slot[i] = place_shape(s, shape, filled);
-        for (int k = 0; k < slots_of(shape->kind) && shape->kind != SHAPE_SPHERE; k++) {
+        int slot = first_slot[i] = place_shape(s, shape, filled, &meshes);
+        for (int k = 0; k < slots_of(shape->kind) && shape->kind != SHAPE_SPHERE && shape->kind != SHAPE_MESH; k++) {
             int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
             double at = shape->kind == SHAPE_CUBE ? 1 - 2 * (k % 2) : 0;
             double normal[3], offset;
@@ -180,6 +152,9 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
             s->offset[slot + k] = (Num)offset;
         }
     }
+    prepare_triangles(scene, d, first_slot);
+    if (scene->features & HAS_TREE)
+        prepare_shape_tree(scene, d, first_slot);
 }
 
 #endif

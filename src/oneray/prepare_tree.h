@@ -26,6 +26,7 @@ static Leaf leaf_of(const Lights *lights, int i)
     switch (lights->site[i]) {
     case SITE_RECTANGLE:
     case SITE_DISK:
+    case SITE_TRIANGLE:
         for (int c = 0; c < 3; c++)
             leaf.axis[c] = (double)lights->normal[i][c];
         leaf.radius = length(x) + length(y);

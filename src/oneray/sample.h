@@ -57,4 +57,12 @@ INLINE void sample_disk(Real u, Real v, Real *x, Real *y)
     *y = r * sine;
 }
 
+/* A triangle, uniform by area: the shares of its second and third corner, less the thirds of its center. */
+INLINE void sample_triangle(Real u, Real v, Real *x, Real *y)
+{
+    Real root = real_sqrt(u);
+    *x = real(2 / 3.0) - root;
+    *y = v * root - real(1 / 3.0);
+}
+
 #endif

@@ -1,6 +1,8 @@
 /* From the elements of a scene file to a Description: for each plugin a function, and a row in a table. */
 #include "scene_xml.h"
 
+#include "mesh.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -426,8 +428,59 @@ static void read_cube(Builder *builder, Node *node)
     read_plain_shape(builder, node, SHAPE_CUBE);
 }
 
+/* The name of a file that the scene names: relative to the scene's folder. */
+static char *path_of(const Node *node, const char *name)
+{
+    Text path = {0};
+    const char *slash = strrchr(node->file, '/');
+    if (*name != '/' && slash)
+        append(&path, node->file, (size_t)(slash - node->file) + 1);
+    append(&path, name, strlen(name));
+    return path.text;
+}
+
+static void read_mesh(Builder *builder, Node *node, void (*read)(Source *source, Mesh *mesh))
+{
+    enum { MOST_MIB = 1 << 14 };
+    Description *d = builder->description;
+    Affine to_world = affine_identity();
+    Mesh mesh = {0};
+    const char *name = NULL;
+    size_t size;
+    bool flip_normals = false, face_normals = false;
+    Property properties[] = {
+        {"filename", AS_STRING, &name, NULL, NULL},
+        {"to_world", AS_TRANSFORM, &to_world, NULL, NULL},
+        {"flip_normals", AS_BOOLEAN, &flip_normals, NULL, NULL},
+        {"face_normals", AS_BOOLEAN, &face_normals, NULL, NULL},
+    };
+    read_properties(node, properties, COUNT(properties), "bsdf ref emitter");
+    if (!name)
+        fail(node, "%s needs <string name=\"filename\" value=\"...\"/>", describe(node));
+    char *file = path_of(node, name), *bytes = read_file(file, MOST_MIB, properties[0].node, &size);
+    d->mesh_files = append_to(d->mesh_files, &d->mesh_file_count, sizeof *d->mesh_files);
+    d->mesh_files[d->mesh_file_count - 1] = file;
+    d->hash = hash_bytes(d->hash, bytes, size);
+    read(&(Source){file, bytes, bytes + size, 1}, &mesh);
+    free(bytes);
+    if (!mesh.triangle_count)
+        die_at(file, 1, "the mesh has no faces");
+    mesh_finish(&mesh, file, &to_world, flip_normals, face_normals);
+    if (d->mesh.triangle_count > MESH_MOST - mesh.triangle_count
+        || d->mesh.vertex_count > MESH_MOST - mesh.vertex_count)
+        fail(node, "the scene's meshes have more than %d triangles or vertices", MESH_MOST);
+    Shape shape = {.kind = SHAPE_MESH, .to_world = affine_identity(), .smooth = mesh.normal != NULL,
+        .first_triangle = d->mesh.triangle_count, .triangle_count = mesh.triangle_count};
+    mesh_append(&d->mesh, &mesh);
+    add_shape(builder, node, shape);
+}
+
+static void read_ply(Builder *builder, Node *node) { read_mesh(builder, node, ply_read); }
+static void read_obj(Builder *builder, Node *node) { read_mesh(builder, node, obj_read); }
+
 static const Plugin shapes[] = {
     {"sphere", read_sphere}, {"rectangle", read_rectangle}, {"disk", read_disk}, {"cube", read_cube},
+    {"ply", read_ply}, {"obj", read_obj},
 };
 
 /* Sensor and integrator. */
@@ -594,5 +647,9 @@ void description_free(Description *description)
     free(description->materials);
     free(description->shapes);
     free(description->lights);
+    mesh_free(&description->mesh);
+    for (int i = 0; i < description->mesh_file_count; i++)
+        free(description->mesh_files[i]);
+    free(description->mesh_files);
     free(description);
 }

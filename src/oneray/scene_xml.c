@@ -8,7 +8,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { MAX_NESTING = 32, MAX_BYTES = 64 << 20 };
+enum { MAX_NESTING = 32, MAX_MIB = 64 };
 static const char NAME_CHARACTERS[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
 
 /* The attributes an element takes; those with a ! it must have. */
@@ -279,24 +279,31 @@ static void XMLCALL on_doctype(void *data, const char *name, const char *system,
            "a DOCTYPE is not supported (for values that vary: <default> and $name)");
 }
 
-/* The whole file as one block. Errors of opening and reading concern no line. */
-static char *read_file(const char *file, size_t *size)
+NORETURN static void fail_reading(const char *file, const Node *named_by, const char *what)
+{
+    if (named_by)
+        fail(named_by, "%s: %s", file, what);
+    die("%s: %s", file, what);
+}
+
+char *read_file(const char *file, size_t most_mib, const Node *named_by, size_t *size)
 {
     struct stat status;
     FILE *stream = fopen(file, "rb");
     if (!stream)
-        die("%s: %s", file, strerror(errno));
+        fail_reading(file, named_by, strerror(errno));
     if (fstat(fileno(stream), &status) == 0 && S_ISDIR(status.st_mode))
-        die("%s: %s", file, strerror(EISDIR));
+        fail_reading(file, named_by, strerror(EISDIR));
     Text bytes = {0};
     char block[65536];
     for (size_t got; (got = fread(block, 1, sizeof block, stream)) > 0;) {
         append(&bytes, block, got);
-        if (bytes.length > MAX_BYTES)
-            die("%s: larger than %d MiB, which is the limit for a scene file", file, MAX_BYTES >> 20);
+        if (bytes.length >> 20 >= most_mib && bytes.length > most_mib << 20)
+            die("%s: larger than %zu MiB, which is the limit for a %s file", file, most_mib,
+                named_by ? "mesh" : "scene");
     }
     if (ferror(stream))
-        die("%s: %s", file, strerror(errno));
+        fail_reading(file, named_by, strerror(errno));
     fclose(stream);
     if (!bytes.length)
         die_at(file, 1, "the file is empty");
@@ -305,7 +312,7 @@ static char *read_file(const char *file, size_t *size)
 }
 
 /* FNV-1a, 64 bits: http://www.isthe.com/chongo/tech/comp/fnv */
-static uint64_t hash_bytes(uint64_t hash, const char *bytes, size_t size)
+uint64_t hash_bytes(uint64_t hash, const char *bytes, size_t size)
 {
     for (size_t i = 0; i < size; i++)
         hash = (hash ^ (unsigned char)bytes[i]) * 0x100000001b3u;
@@ -372,7 +379,7 @@ Node *find_id(const SceneFile *scene, const char *id)
 SceneFile *scene_file_open(const char *file, Parameter *parameters, int parameter_count)
 {
     size_t size;
-    char *bytes = read_file(file, &size);
+    char *bytes = read_file(file, MAX_MIB, NULL, &size);
     SceneFile *scene = allocate(1, sizeof *scene);
     scene->hash = hash_scene(bytes, size, parameters, parameter_count);
     Reader reader = {.file = file, .scene = scene};

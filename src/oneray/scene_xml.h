@@ -27,6 +27,10 @@ typedef struct {
     uint64_t hash;
 } SceneFile;
 
+/* The whole file as one block with a 0 behind it. Errors concern the element that names the file, or no line. */
+char *read_file(const char *file, size_t most_mib, const Node *named_by, size_t *size);
+uint64_t hash_bytes(uint64_t hash, const char *bytes, size_t size);
+
 SceneFile *scene_file_open(const char *file, Parameter *parameters, int parameter_count);
 void scene_file_close(SceneFile *scene);
 Node *find_id(const SceneFile *scene, const char *id);        /* or NULL */

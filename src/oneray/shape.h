@@ -1,16 +1,17 @@
-/* Shapes, and what a ray meets among them. A loop over all primitives, W rays at once.
+/* Shapes, and what a ray meets of each: W rays at once. meet.h looks at all of them.
 
    No epsilon keeps a ray off the surface that it starts from: the ray knows which primitive that is. A flat
    one is left out; from a sphere or cube only the far side can be met, and only by a ray that goes inwards.
 
    A slot is what a ray can hit: a rectangle (those along the axes first), a disk, one of a cube's six faces,
-   a sphere, numbered in this order. */
+   a sphere, a triangle, numbered in this order. Tables by slot have a row for each, except that the triangles
+   of a mesh share one, after the spheres. */
 #ifndef ONERAY_SHAPE_H
 #define ONERAY_SHAPE_H
 
 #include "description.h"
 #include "technique.h"
-#include "vec.h"
+#include "triangle.h"
 
 /* World to the unit shape: local coordinate i of p is row[i][0..2]·p + row[i][3]. */
 typedef struct {
@@ -34,7 +35,11 @@ typedef struct {
     Local *rectangles, *disks, *cubes;
     Ball *balls;
     int aligned_slot[4], disk_slot, cube_slot, sphere_slot,
-        slot_count;   /* first slots; rectangles': aligned_slot[3] */
+        mesh_row;     /* first slots; rectangles': aligned_slot[3] */
+    int slot_count;   /* rows of the tables by slot */
+    Triangles triangles;
+    Tree tree;              /* of the others, where they are too many for a loop */
+    int32_t *slot_of_leaf;
     Num (*anchor)[3]; /* by slot: the unit normal n of a flat primitive, the center of a sphere */
     Int *shines;      /* by slot: is there an area light, even one of no power? */
     Num *offset;      /* by slot: n·p of the flat one's plane; radius, negative if flip_normals */
@@ -207,33 +212,47 @@ INLINE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features 
     return (Hit){f & HAS_FLAT ? nearest.num / nearest.den : nearest.num, nearest.slot};
 }
 
-INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
+/* Does the ray meet the cube or sphere, where, and which of its slots? */
+INLINE Mask cube_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hit *at)
 {
-    Hit hit = flat_hit(shapes, ray, hiding, f);
+    Faces faces = {index_of(0), index_of(0)};
+    Stretch s = cube_stretch(&shapes->cubes[i], ray, &faces);
+    Index face = ray->from - slot;
+    Mask on = (face >= 0) & (face < 6);
+    if (any(on))
+        s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
+    at->t = stretch_hit(s, on);
+    Mask entering = at->t == s.near;
+    at->slot = slot + index_select(entering, faces.enter, faces.leave);
+    return s.met & (at->t > real(0));
+}
+INLINE Mask ball_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hit *at)
+{
+    Mask on = ray->from == index_of(slot);
+    Stretch s = ball_stretch(&shapes->balls[i], ray, on);
+    *at = (Hit){stretch_hit(s, on), index_of(slot)};
+    return s.met & (at->t > real(0));
+}
+
+INLINE void take(Hit *hit, Mask met, Hit at)
+{
+    *hit = (Hit){select(met, at.t, hit->t), index_select(met, at.slot, hit->slot)};
+}
+
+/* The nearest of the solid ones. */
+INLINE void solid_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Hit *hit, Features f)
+{
+    Hit at;
     if (f & HAS_CUBE)
         for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
-            Faces faces = {index_of(0), index_of(0)};
-            Stretch s = cube_stretch(&shapes->cubes[i], ray, &faces);
-            Index face = ray->from - slot;
-            Mask on = (face >= 0) & (face < 6);
-            if (any(on))
-                s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
-            Real t = stretch_hit(s, on);
-            Mask closer = s.met & (t > real(0)) & (t < hit.t) & can_meet(shapes, slot, hiding, f);
-            Mask entering = t == s.near;
-            hit.t = select(closer, t, hit.t);
-            hit.slot =
-                index_select(closer, slot + index_select(entering, faces.enter, faces.leave), hit.slot);
+            Mask met = cube_meets(shapes, i, slot, ray, &at);
+            take(hit, met & (at.t < hit->t) & can_meet(shapes, slot, hiding, f), at);
         }
     if (f & HAS_SPHERE)
         for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++) {
-            Mask on = ray->from == index_of(slot);
-            Stretch s = ball_stretch(&shapes->balls[i], ray, on);
-            Real t = stretch_hit(s, on);
-            Mask closer = s.met & (t > real(0)) & (t < hit.t) & can_meet(shapes, slot, hiding, f);
-            hit = (Hit){select(closer, t, hit.t), index_select(closer, index_of(slot), hit.slot)};
+            Mask met = ball_meets(shapes, i, slot, ray, &at);
+            take(hit, met & (at.t < hit->t) & can_meet(shapes, slot, hiding, f), at);
         }
-    return hit;
 }
 
 /* Is the solid in the way of the ray's end at tmax, a point of it where `is_target`? That point is seen from
@@ -263,9 +282,23 @@ INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, i
     return blocked;
 }
 
-/* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for
-   none. */
-INLINE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Index target, Features f)
+INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
+{
+    Stretch s = cube_stretch(&shapes->cubes[i], ray, NULL);
+    Index face = ray->from - slot, aim = target - slot;
+    Mask on = (face >= 0) & (face < 6);
+    if (any(on))
+        s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
+    return stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
+}
+INLINE Mask ball_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
+{
+    Mask on = ray->from == index_of(slot);
+    return stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, target == index_of(slot));
+}
+
+/* Is any in the way, one after the other? */
+INLINE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Features f)
 {
     Mask blocked = mask_none();
     if (f & HAS_ALIGNED)
@@ -282,42 +315,12 @@ INLINE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Index target, 
             blocked |= flat_blocks(c, within_disk(c), ray, target, slot);
         }
     if (f & HAS_CUBE)
-        for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
-            Stretch s = cube_stretch(&shapes->cubes[i], ray, NULL);
-            Index face = ray->from - slot, aim = target - slot;
-            Mask on = (face >= 0) & (face < 6);
-            if (any(on))
-                s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
-            blocked |= stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
-        }
+        for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6)
+            blocked |= cube_blocks(shapes, i, slot, ray, target);
     if (f & HAS_SPHERE)
-        for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++) {
-            Mask on = ray->from == index_of(slot);
-            blocked |=
-                stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, target == index_of(slot));
-        }
+        for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++)
+            blocked |= ball_blocks(shapes, i, slot, ray, target);
     return blocked;
-}
-
-/* The point of the surface and its unit normal (turned over by flip_normals). The point is put onto the
-   surface by the surface's own equation, so that it keeps full precision however long the ray was. */
-INLINE void shapes_surface(const Shapes *shapes, const Ray *ray, Hit hit, Features f, Vec *p, Vec *n)
-{
-    Index slot = index_select(hit.slot < 0, index_of(0), hit.slot);
-    Vec anchor = vec_gather((const Num(*)[3])shapes->anchor, slot);
-    Real offset = gather(shapes->offset, slot);
-    *p = vec_add(ray->o, vec_scale(ray->d, hit.t));
-    *n = anchor;
-    if (f & (HAS_FLAT | HAS_CUBE))
-        *p = vec_sub(*p, vec_scale(*n, vec_dot(*n, *p) - offset));
-    if (f & HAS_SPHERE) {
-        Mask round = slot >= index_of(shapes->sphere_slot);
-        Vec from_center = vec_sub(vec_add(ray->o, vec_scale(ray->d, hit.t)), anchor);
-        Vec outward = vec_normalize(from_center);
-        Vec normal = vec_scale(outward, flip_sign(real(1), offset));
-        *n = vec_select(round, normal, *n);
-        *p = vec_select(round, vec_add(anchor, vec_scale(normal, offset)), *p);
-    }
 }
 
 #endif

@@ -36,10 +36,13 @@ typedef struct {
     X(HAS_RECTANGLE,       "rectangle")          X(HAS_DISK,         "disk") \
     X(HAS_ALIGNED,         "rectangle along the axes") \
     X(HAS_SPHERE,          "sphere")             X(HAS_CUBE,         "cube") \
+    X(HAS_TRIANGLE,        "mesh")               X(HAS_SMOOTH,       "interpolated normals") \
+    X(HAS_TREE,            "tree of many shapes") \
     X(HAS_DIFFUSE,         "diffuse")            X(HAS_CONDUCTOR,    "conductor") \
     X(HAS_FRESNEL,         "Fresnel of metals")  X(HAS_DIELECTRIC,   "dielectric") \
     X(HAS_BLEND,           "blend of materials") X(HAS_AREA,         "area light") \
     X(HAS_FLAT_LIGHT,      "flat light")         X(HAS_SPHERE_LIGHT, "sphere light") \
+    X(HAS_TRIANGLE_LIGHT,  "mesh light") \
     X(HAS_POINT,           "point light")        X(HAS_SPOT,         "spot light") \
     X(HAS_DIRECTIONAL,     "directional light")  X(HAS_CONSTANT,     "environment") \
     X(HAS_MANY_LIGHTS,     "light choice")       X(HAS_HIDDEN,       "hidden emitters") \
