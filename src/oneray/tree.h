@@ -71,6 +71,7 @@ typedef struct {
    (Ize, Robust BVH Ray Traversal, JCGT 2(2), 2013; Woop et al. 2013, 3.3). */
 INLINE void beam_start(Beam *beam, const Tree *tree, const Vec *o, const Vec *d, int lane)
 {
+    (void)lane;
     const Num from[3] = {LANE(o->x, lane), LANE(o->y, lane), LANE(o->z, lane)};
     const Num along[3] = {LANE(d->x, lane), LANE(d->y, lane), LANE(d->z, lane)};
     Num reach = 0;
