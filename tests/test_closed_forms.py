@@ -157,11 +157,11 @@ def test_fresnels_formulas_at_normal_incidence_and_beyond_the_critical_angle() -
 
 
 def test_a_pane_transmits_what_the_sum_of_its_reflections_says(scene) -> None:
-    """In the middle of the widest stripe: (1 − R)/(1 + R) with R at that angle, for unlimited depth."""
+    """Where all paths see one stripe: (1 − R)/(1 + R) with R at that angle, for unlimited depth."""
     content = solids.with_faces(closed_forms.read_scene(scene("glass-pane"), {"depth": "-1"}))
     radiance = closed_forms.glass_pane(content)
     front = solids.Plate(content.shapes[3])
-    towards = front.origin + np.array([0.05, 0, 0]) - content.camera.origin
+    towards = front.origin - np.array([0.3, 0, 0]) - content.camera.origin
     d = towards[None] / np.linalg.norm(towards)
     cosine = np.array([-(d[0] @ front.normal)])
     r = closed_forms._glass_reflectance(cosine, np.sqrt(1 - (1 - cosine**2) / 2.25), 1 / 1.5)[0]
