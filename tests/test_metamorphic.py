@@ -139,7 +139,18 @@ def test_the_picture_of_all_lights_is_the_sum_of_those_of_each(
     assert np.abs(differences(total, both)).max() < BEYOND
 
 
-def mirror(root: ElementTree.Element) -> None:
+def turns_inside_out(shape: ElementTree.Element, folder: Path) -> bool:
+    """Does mirroring exchange the sides? It does in Mitsuba where they go by the order of corners, or of
+    the axes; not where a file says which way its normals point.
+    """
+    if shape.get("type") not in ("ply", "obj"):
+        return shape.get("type") == "sphere"
+    name, faces = shape.find("string[@name='filename']"), shape.find("boolean[@name='face_normals']")
+    text = (folder / name.get("value", "")).read_text()
+    return (faces is not None and faces.get("value") == "true") or not ("\nvn " in text or " nx\n" in text)
+
+
+def mirror(root: ElementTree.Element, folder: Path) -> None:
     """Everything on the other side of x = 0; the camera too, which then sees left and right swapped."""
     flip = {"x": "-1", "y": "1", "z": "1"}
     for shape in root.iter("shape"):
@@ -147,7 +158,7 @@ def mirror(root: ElementTree.Element) -> None:
         if transform is None:
             transform = ElementTree.SubElement(shape, "transform", name="to_world")
         ElementTree.SubElement(transform, "scale", flip)
-        if shape.get("type") in ("sphere", "ply", "obj"):  # as in Mitsuba, mirroring turns these inside out
+        if turns_inside_out(shape, folder):
             flipped = shape.find("boolean[@name='flip_normals']")
             if flipped is None:
                 flipped = ElementTree.SubElement(shape, "boolean", name="flip_normals", value="false")
@@ -174,7 +185,7 @@ def set_x(element: ElementTree.Element, attribute: str) -> None:
 def test_a_mirrored_scene_is_a_mirrored_picture(oneray: Path, scene, tmp_path: Path, name: str) -> None:
     file = scene(name)
     root = ElementTree.parse(file).getroot()
-    mirror(root)
+    mirror(root, file.parent)
     other = write(root, file, tmp_path / "mirrored.xml")
     one = render(oneray, file, tmp_path / "a.exr", "--spp", 256, "--seed", 3)
     two = render(oneray, other, tmp_path / "b.exr", "--spp", 256, "--seed", 4)
