@@ -64,7 +64,8 @@ INLINE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidi
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane);
         Beam beam;
-        Pending pending[PENDING_MOST] = {{0, 0}};
+        Pending pending[PENDING_MOST];
+        pending[0] = (Pending){0, 0};
         beam_start(&beam, &shapes->tree, &ray->o, &ray->d, lane);
         for (int count = 1; count > 0;) {
             Pending next = pending[--count];
@@ -89,7 +90,8 @@ INLINE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane), met = mask_none();
         Beam beam;
-        Pending pending[PENDING_MOST] = {{0, 0}};
+        Pending pending[PENDING_MOST];
+        pending[0] = (Pending){0, 0};
         beam_start(&beam, &shapes->tree, &ray->o, &ray->d, lane);
         for (int count = 1; count > 0 && !any(met);) {
             int child = pending[--count].child;
