@@ -23,7 +23,16 @@ def main() -> None:
                 points, faces = ball(rings)
                 write_ply(Path(folder) / "ball.ply", points, faces)
                 file = scene(Path(folder) / "scene.xml", "ball.ply", size=256, depth=4)
-                command = [ROOT / "build/oneray", file, "--spp", "16", "--precision", precision, "--stats", "-"]
+                command = [
+                    ROOT / "build/oneray",
+                    file,
+                    "--spp",
+                    "16",
+                    "--precision",
+                    precision,
+                    "--stats",
+                    "-",
+                ]
                 stats = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
                 seconds, peak = stats["seconds"], stats["peak_memory_bytes"]
                 least = least or peak

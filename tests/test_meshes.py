@@ -132,10 +132,14 @@ def test_other_properties_are_skipped(oneray: Path, tmp_path: Path) -> None:
     """Vertex colours, lists, other elements and any integer types, by their declared sizes."""
     points, faces = ball(3)
     write_ply(tmp_path / "plain.ply", points, faces)
-    head = f"ply\nformat binary_big_endian 1.0\nobj_info x\nelement vertex {len(points)}\nproperty uchar red\n"
+    head = (
+        f"ply\nformat binary_big_endian 1.0\nobj_info x\nelement vertex {len(points)}\n"
+    head += "property uchar red\n"
+    )
     head += "property double y\nproperty list ushort short tags\nproperty float x\nproperty float z\n"
     head += "element edge 2\nproperty int a\nproperty list uint double b\n"
-    head += f"element face {len(faces)}\nproperty char flag\nproperty list int ushort vertex_indices\nend_header\n"
+    head += f"element face {len(faces)}\nproperty char flag\n"
+    head += "property list int ushort vertex_indices\nend_header\n"
     body = b"".join(struct.pack(">BdHhhff", 9, p[1], 2, -1, 5, p[0], p[2]) for p in points)
     body += struct.pack(">iIddiI", 1, 2, 0.5, 0.25, 2, 0)
     body += b"".join(struct.pack(">biHHH", -1, 3, *f) for f in faces)
@@ -218,7 +222,8 @@ def test_flat_triangles_are_left_out(oneray: Path, tmp_path: Path) -> None:
     said = f"oneray: warning: {tmp_path}/flat.ply: 2 of {len(flat)} triangles have no area and are left out\n"
     assert done.stderr == said
     plain = render(oneray, scene(tmp_path / "plain.xml", "plain.ply"), "--spp", "2")
-    np.testing.assert_array_equal(oiio.ImageBuf(str(tmp_path / "flat.exr")).get_pixels(oiio.FLOAT)[..., :3], plain)
+    flat_picture = oiio.ImageBuf(str(tmp_path / "flat.exr")).get_pixels(oiio.FLOAT)
+    np.testing.assert_array_equal(flat_picture[..., :3], plain)
 
 
 def test_hash_covers_the_mesh(oneray: Path, tmp_path: Path) -> None:
@@ -274,7 +279,9 @@ def test_memory_of_many_triangles(oneray: Path, tmp_path: Path, precision: str) 
     assert (peaks[1] - peaks[0]) / (counts[1] - counts[0]) <= 200
 
 
-@pytest.mark.parametrize(("name", "what"), [("none.ply", "No such file or directory"), ("d.obj", "Is a directory")])
+@pytest.mark.parametrize(
+    ("name", "what"), [("none.ply", "No such file or directory"), ("d.obj", "Is a directory")]
+)
 def test_missing_file(oneray: Path, tmp_path: Path, name: str, what: str) -> None:
     """The message names the line of the scene that asks for the file."""
     (tmp_path / "d.obj").mkdir()

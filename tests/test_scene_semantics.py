@@ -336,7 +336,7 @@ CASES: dict[str, str] = {
         for turn, steps in MESH_TURNS.items()
         for words, more in {"faceted": FACETED, "flipped-faceted": FLIP + FACETED}.items()
     },
-    # Mitsuba weighs what it hits and what it samples of a smooth light by different cosines: only what is seen.
+    # Mitsuba samples a smooth light by another cosine than it is seen by: here it is only seen.
     **{
         f"mesh-glow-{name}-{turn}-{flip and 'flipped'}": scene(mesh(name, steps, flip + GLOW))
         for name in MESHES
