@@ -149,6 +149,13 @@ def test_the_hash_covers_scene_parameters_and_the_files_that_the_scene_names(tmp
     assert references.scene_hash(scene, {"depth": "3"}) != first
     mesh.write_text("two")
     assert references.scene_hash(scene) != first
+    scene.write_text(
+        '<scene><default name="f" value="none"/><default name="file" value="m.ply"/>'
+        '<shape type="ply"><string name="filename" value="$file"/></shape></scene>'
+    )
+    first = references.scene_hash(scene)
+    mesh.write_text("three")
+    assert references.scene_hash(scene) != first
 
 
 def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -> None:

@@ -77,7 +77,7 @@ def by_clang(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build(tmp_path_factory.mktemp("clang"), CC="clang")
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("scene", [*SCENES, *ODD], ids=lambda path: path.stem)
 def test_compilers(oneray: Path, by_clang: Path, tmp_path: Path, scene: Path) -> None:
     """gcc and clang give the same film, at each width."""
     for precision, lanes in kernels(by_clang):

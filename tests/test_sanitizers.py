@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from building import ROOT, build, kernels
+from malformed_meshes import MALFORMED as MALFORMED_MESHES
+from test_meshes import scene as scene_of_mesh
 
 SCENES = [
     *sorted((ROOT / "scenes").glob("*.xml")),
@@ -67,3 +69,16 @@ def test_malformed_scenes(sanitized: Path, tmp_path: Path) -> None:
     assert len(MALFORMED) >= 60
     for scene in MALFORMED:
         assert run(sanitized, scene, "-o", tmp_path / "out.exr").returncode == 2, scene.name
+
+
+def test_malformed_meshes(sanitized: Path, tmp_path: Path) -> None:
+    """Each mesh file with a fault, and each beginning of good ones."""
+    files = {name: data for name, (data, _) in MALFORMED_MESHES.items()}
+    for good in sorted((ROOT / "tests/meshes").iterdir()):
+        data = good.read_bytes()
+        files |= {f"{cut}-{good.name}": data[: len(data) * cut // 24] for cut in range(24)}
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+        scene = scene_of_mesh(tmp_path / "scene.xml", name, size=2)
+        done = run(sanitized, scene, "-o", tmp_path / "out.exr", "--spp", "1")
+        assert done.returncode == 2 or name.endswith("gem.obj"), name

@@ -226,7 +226,123 @@ DEFAULTS = f"""<default name="size" value=".6"/>
     <bsdf type="diffuse"><rgb name="reflectance" value="$color"/></bsdf>
 </shape>{DIRECTIONAL}"""
 
+# A bent sheet of two triangles, four-sided prisms, with and without normals of its own; faces that the
+# camera sees from both sides.
+MESHES = {
+    "sheet.ply": """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 2
+property list uchar int vertex_indices
+end_header
+-1 -1 0
+1 -1 0.4
+1 1 0
+-1 1 0.5
+3 0 1 2
+3 0 2 3
+""",
+    "sheet-normals.ply": """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+property float nx
+property float ny
+property float nz
+element face 2
+property list uchar int vertex_index
+end_header
+-1 -1 0 -0.5 -0.5 2
+1 -1 0.4 0.6 -0.3 1
+1 1 0 0.2 0.7 1
+-1 1 0.5 0 0 3
+3 0 1 2
+3 0 2 3
+""",
+    "roof.obj": """v -1 -1 0
+v 1 -1 0
+v 1 0 0.8
+v -1 0 0.8
+v 1 1 0
+v -1 1 0
+v 0 1.5 -0.3
+f 1 2 3 4
+f 4 3 5 7 6
+""",
+    "roof-normals.obj": """v -1 -1 0
+v 1 -1 0
+v 1 0 0.8
+v -1 0 0.8
+v 1 1 0
+v -1 1 0
+vn -0.3 -0.6 1
+vn 0.4 -0.2 2
+vn 0 0.5 1
+vt 0 0
+vt 1 0
+f 1//1 2//2 3//2 4//1
+f 4/1/3 3/2/3 5/1/2 6/2/1
+""",
+    "roof-seams.obj": """v -1 -1 0
+v 1 -1 0
+v 1 0 0.8
+v -1 0 0.8
+v 1 1 0
+v -1 1 0
+vt 0 0
+vt 1 0
+f 1/1 2/2 3/1 4/1
+f 4/2 3/1 5/1 6/2
+""",
+}
+FACETED = '<boolean name="face_normals" value="true"/>'
+
+
+def mesh(name: str, steps: str, more: str = PAINT) -> str:
+    return f"""<shape type="{name[-3:]}"><string name="filename" value="{name}"/>
+    {transform(f'<scale value=".9"/>{steps}')}{more}</shape>"""
+
+
+MESH_TURNS = {
+    "facing": f'<rotate y="1" angle="165"/><rotate x="1" angle="20"/>{AHEAD}',
+    "away": f'<rotate x="1" angle="20"/>{AHEAD}',
+    "mirrored": f'<scale x="-1"/><rotate y="1" angle="165"/>{AHEAD}',
+    "mirrored-facing": f'<scale z="-1"/><rotate x="1" angle="20"/>{AHEAD}',
+    "stretched": f'<scale x=".6" y="1" z="2"/><rotate y="1" angle="165"/>{AHEAD}',
+}
+FLIP = '<boolean name="flip_normals" value="true"/>'
+
 CASES: dict[str, str] = {
+    **{
+        f"mesh-{name}-{turn}-{words}": scene(mesh(name, steps, more) + DIRECTIONAL)
+        for name in MESHES
+        for turn, steps in MESH_TURNS.items()
+        for words, more in {
+            "twosided": PAINT,
+            "plain": "",
+            "faceted": FACETED,
+            "flipped": FLIP,
+            "flipped-faceted": FLIP + FACETED,
+        }.items()
+    },
+    **{
+        f"mesh-light-{name}-{turn}-{words}": scene(mesh(name, steps, more + GLOW) + WALL, integrator=DEPTH_5)
+        for name in MESHES
+        for turn, steps in MESH_TURNS.items()
+        for words, more in {"faceted": FACETED, "flipped-faceted": FLIP + FACETED}.items()
+    },
+    # Mitsuba samples a smooth light by another cosine than it is seen by: here it is only seen.
+    **{
+        f"mesh-glow-{name}-{turn}-{flip and 'flipped'}": scene(mesh(name, steps, flip + GLOW))
+        for name in MESHES
+        for turn, steps in MESH_TURNS.items()
+        for flip in ["", FLIP]
+    },
     **{f"cube-{name}": shape("cube", f'<scale value=".7"/>{steps}') for name, steps in STEPS.items()},
     **{
         f"{kind}-{name}{flip and '-flipped'}": shape(kind, steps, flip + GLOW, WALL + DIRECTIONAL)
@@ -267,6 +383,8 @@ BLACK = {"hide-emitters-depth-1"}
 def by_oneray(oneray: Path, directory: Path, text: str, *options: str) -> tuple[np.ndarray, np.ndarray]:
     """oneray's picture and its standard error, each [height, width, 3]."""
     (directory / "scene.xml").write_text(text)
+    for name, mesh in MESHES.items():
+        (directory / name).write_text(mesh)
     picture = directory / "out.exr"
     command = [str(oneray), str(directory / "scene.xml"), "-o", str(picture), "--seed", "1"]
     command += ["--light-choice", "uniform", "--quiet", *options]
@@ -276,6 +394,15 @@ def by_oneray(oneray: Path, directory: Path, text: str, *options: str) -> tuple[
     mean = pixels[..., [names.index(c) for c in ("R", "G", "B")]]
     error = pixels[..., [names.index(f"stderr.{c}") for c in ("R", "G", "B")]]
     return mean.astype(float), error.astype(float)
+
+
+def with_meshes(text: str, directory: Path) -> str:
+    """The scene with the full names of its mesh files, which are then written."""
+    for name, mesh in MESHES.items():
+        if f'"{name}"' in text:
+            (directory / name).write_text(mesh)
+            text = text.replace(f'"{name}"', f'"{directory / name}"')
+    return text
 
 
 def by_mitsuba(text: str, **parameters: str) -> np.ndarray:
@@ -296,9 +423,9 @@ def assert_same(ours: np.ndarray, error: np.ndarray, theirs: np.ndarray) -> None
 
 @pytest.mark.parametrize("name", CASES)
 def test_means_what_it_means_in_mitsuba(oneray: Path, tmp_path: Path, name: str) -> None:
-    theirs = by_mitsuba(CASES[name])
+    theirs = by_mitsuba(with_meshes(CASES[name], tmp_path))
     assert theirs.shape[-1] == 3
-    assert bool(theirs.any()) == (name not in BLACK)
+    assert bool(theirs.any()) == (name not in BLACK) or name.startswith("mesh-")
     assert_same(*by_oneray(oneray, tmp_path, CASES[name]), theirs)
 
 

@@ -8,7 +8,7 @@
 #include <float.h>
 #include <stdlib.h>
 
-enum { BINS = 16, HALVING_LEVEL = 24 }; /* from that level on parts are halved: the depth stays in BVH_DEPTH */
+enum { BINS = 16, HALVING_LEVEL = 24 }; /* from there on parts are halved: the depth stays in BVH_DEPTH */
 
 typedef struct {
     float low[3], high[3];
@@ -41,7 +41,10 @@ static float area(const Box *box)
     return x < 0 ? 0 : x * y + y * z + z * x;
 }
 
-static float middle(const BvhItem *item, int axis) { return 0.5f * item->low[axis] + 0.5f * item->high[axis]; }
+static float middle(const BvhItem *item, int axis)
+{
+    return 0.5f * item->low[axis] + 0.5f * item->high[axis];
+}
 
 /* The bin of an item; written so that no number, not even nan, falls outside. */
 static int bin_of(const BvhItem *item, int axis, float low, float scale)

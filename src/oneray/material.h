@@ -43,7 +43,7 @@ INLINE Surface surface_at(
     Vec n;
     s.slot = index_select(hit.slot < 0, index_of(0), hit.slot);
     s.of = row_of_slot(shapes, s.slot, f);
-    shapes_surface(shapes, ray, s.slot, s.of, hit.t, f, &s.p, &n, &s.face);
+    shapes_surface(shapes, ray, s.slot, s.of, hit.t, &s.p, &n, &s.face, f);
     s.wo = vec_neg(ray->d);
     Real cosine = vec_dot(n, s.wo), of_face = f & HAS_SMOOTH ? vec_dot(s.face, s.wo) : cosine;
     *front = of_face > real(0);

@@ -64,7 +64,8 @@ INLINE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidi
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane);
         Beam beam;
-        Pending pending[PENDING_MOST] = {{0, 0}};
+        Pending pending[PENDING_MOST];
+        pending[0] = (Pending){0, 0};
         beam_start(&beam, &shapes->tree, &ray->o, &ray->d, lane);
         for (int count = 1; count > 0;) {
             Pending next = pending[--count];
@@ -89,7 +90,8 @@ INLINE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane), met = mask_none();
         Beam beam;
-        Pending pending[PENDING_MOST] = {{0, 0}};
+        Pending pending[PENDING_MOST];
+        pending[0] = (Pending){0, 0};
         beam_start(&beam, &shapes->tree, &ray->o, &ray->d, lane);
         for (int count = 1; count > 0 && !any(met);) {
             int child = pending[--count].child;
@@ -103,7 +105,8 @@ INLINE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index
     return blocked;
 }
 
-INLINE void triangles_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Hit *hit, Features f)
+INLINE void triangles_hit(
+    const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Hit *hit, Features f)
 {
     unsigned hidden = f & HAS_HIDDEN ? mask_bits(hiding) : 0;
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -166,16 +169,18 @@ INLINE Index row_of_slot(const Shapes *shapes, Index slot, Features f)
     if (!(f & HAS_TRIANGLE))
         return slot;
     Index i = slot - shapes->triangles.first_slot;
-    return index_select(i < 0, slot, gather_int32(shapes->triangles.row, index_select(i < 0, index_of(0), i)));
+    Index row = gather_int32(shapes->triangles.row, index_select(i < 0, index_of(0), i));
+    return index_select(i < 0, slot, row);
 }
 
 /* The point of the surface and its unit normal (turned over by flip_normals); `face` is the normal of the
    surface itself where n is interpolated. The point is put onto the surface by the surface's own equation, so
    that it keeps full precision however long the ray was. */
-INLINE void shapes_surface(
-    const Shapes *shapes, const Ray *ray, Index slot, Index row, Real t, Features f, Vec *p, Vec *n, Vec *face)
+INLINE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Index row, Real t, Vec *p,
+    Vec *n, Vec *face, Features f)
 {
-    Vec anchor = vec_gather((const Num(*)[3])shapes->anchor, row), met = vec_add(ray->o, vec_scale(ray->d, t));
+    Vec anchor = vec_gather((const Num(*)[3])shapes->anchor, row);
+    Vec met = vec_add(ray->o, vec_scale(ray->d, t));
     Real offset = gather(shapes->offset, row);
     *p = met;
     *n = anchor;

@@ -118,9 +118,10 @@ static void reverse(int32_t corner[3])
     corner[2] = second;
 }
 
-/* Where a triangle's vertex normals point to its other side, as after a mirroring, they decide. Mitsuba's area
-   lights shine along the interpolated normal, sampled by its cosine; here they shine along the triangle's own,
-   on the same side, so that what is seen, sampled and weighed is one light. */
+/* Where a triangle's vertex normals point to its other side, as after a mirroring, they decide. Mitsuba's
+   area lights shine to the side of the interpolated normal and are sampled by its cosine, which is not the area
+   seen; here they shine along the triangle's own normal, to the same side: what is seen, sampled and weighed
+   is one light. */
 static void turn_to_normals(Mesh *mesh)
 {
     for (int t = 0; t < mesh->triangle_count; t++) {

@@ -151,7 +151,8 @@ void obj_read(Source *source, Mesh *mesh)
             memcpy(mesh->normal[v], obj.normals[key[2] - 1], sizeof *mesh->normal);
     }
     if (with_normal && with_normal < obj.corner_count)
-        fail_in(source, "%d of %d vertices have a normal: all or none must", with_normal, obj.corner_count);
+        fail_in(source, "%d of %d vertices have no normal: all or none must have one",
+            obj.corner_count - with_normal, obj.corner_count);
     if (!with_normal) {
         free(mesh->normal);
         mesh->normal = NULL;

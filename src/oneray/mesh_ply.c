@@ -159,7 +159,8 @@ static void read_header(Source *source, Header *header)
         } else if (!strcmp(word, "end_header") && has_format) {
             break;
         } else {
-            fail_in(source, "the header has \"%s\" (format once, comment, element, property, end_header)", word);
+            fail_in(source, "the header has \"%s\" (format once, comment, element, property, end_header)",
+                word);
         }
     }
     end_line(source);
@@ -178,7 +179,17 @@ static size_t least_bytes(const Element *element, Format format)
 
 static double binary_number(const char *at, Type type, bool swap)
 {
-    union { int8_t i8; uint8_t u8; int16_t i16; uint16_t u16; int32_t i32; uint32_t u32; float f; double d; char b[8]; } n;
+    union {
+        int8_t i8;
+        uint8_t u8;
+        int16_t i16;
+        uint16_t u16;
+        int32_t i32;
+        uint32_t u32;
+        float f;
+        double d;
+        char b[8];
+    } n;
     for (size_t i = 0, last = type_bytes[type] - 1; i <= last; i++)
         n.b[i] = at[swap ? last - i : i];
     switch (type) {
@@ -208,19 +219,20 @@ static double next_number(Source *source, Format format, Type type, const Elemen
     const uint16_t one = 1;
     bool little = *(const unsigned char *)&one == 1;
     if ((size_t)(source->end - source->at) < type_bytes[type])
-        fail_in(source, "the file ends before the %d elements \"%s\" of this line do", element->count, element->name);
+        fail_in(source, "the file ends before the %d elements \"%s\" of this line do", element->count,
+            element->name);
     double value = binary_number(source->at, type, little != (format == LITTLE_ENDIAN_));
     source->at += type_bytes[type];
     return value;
 }
 
-/* Three corners, all of them vertices. */
-static void read_corners(
-    Source *source, const Element *element, double length, const double corners[3], Mesh *mesh)
+/* A face: three corners, all of them vertices. */
+static void read_corners(Source *source, double length, const double corners[3], Mesh *mesh)
 {
     int number = mesh->triangle_count;
     if (length != 3)
-        fail_in(source, "face %d has %.9g corners: only triangles are supported, as in Mitsuba", number, length);
+        fail_in(source, "face %d has %.9g corners: only triangles are supported, as in Mitsuba", number,
+            length);
     for (int k = 0; k < 3; k++) {
         if (!(corners[k] >= 0 && corners[k] < mesh->vertex_count))
             fail_in(source, "face %d has the vertex %.9g, but there are only 0 to %d", number, corners[k],
@@ -228,7 +240,6 @@ static void read_corners(
         mesh->triangle[number][k] = (int32_t)corners[k];
     }
     mesh->triangle_count++;
-    (void)element;
 }
 
 static void keep_number(Source *source, Role role, double value, int vertex, Mesh *mesh)
@@ -257,7 +268,7 @@ static void read_one(Source *source, Format format, const Element *element, int 
                 corners[(int)k] = value;
         }
         if (property->role == CORNERS)
-            read_corners(source, element, length, corners, mesh);
+            read_corners(source, length, corners, mesh);
         else if (property->role != SKIPPED)
             keep_number(source, property->role, value, number, mesh);
     }
@@ -272,8 +283,8 @@ static void make_room(Source *source, Format format, const Element *element, Mes
         if (element->properties[i].role != SKIPPED)
             has |= 1u << element->properties[i].role;
     if (count * least_bytes(element, format) > (size_t)(source->end - source->at) + 1)
-        die_at(source->file, element->line, "%zu elements \"%s\" are said to follow, but only %zu bytes do", count,
-            element->name, (size_t)(source->end - source->at));
+        die_at(source->file, element->line, "%zu elements \"%s\" are said to follow, but only %zu bytes do",
+            count, element->name, (size_t)(source->end - source->at));
     if (!strcmp(element->name, "vertex") && !mesh->vertex) {
         if ((has & 7) != 7)
             die_at(source->file, element->line, "the vertices need the properties x, y and z");

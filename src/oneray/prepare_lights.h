@@ -22,8 +22,8 @@ static double bounding_ball(const Description *d, double center[3])
     return length(half);
 }
 
-/* How many lights of the kernel's kind a light of the scene is: a cube shines as six rectangles, a mesh as its
-   triangles. */
+/* How many lights of the kernel's kind a light of the scene is: a cube shines as six rectangles, a mesh as
+   its triangles. */
 static int sites_of(const Description *d, const Light *light)
 {
     if (light->kind != LIGHT_AREA)
@@ -110,7 +110,8 @@ static void prepare_alias(Scene *scene, const double *p)
 }
 
 /* A triangle that shines. */
-static void prepare_triangle_site(Scene *scene, const Description *d, const Light *light, int i, int k, int row)
+static void prepare_triangle_site(
+    Scene *scene, const Description *d, const Light *light, int i, int k, int row)
 {
     Lights *lights = &scene->lights;
     const Shape *shape = &d->shapes[light->shape];

@@ -143,7 +143,8 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         int slot = first_slot[i] = place_shape(s, shape, filled, &meshes);
-        for (int k = 0; k < slots_of(shape->kind) && shape->kind != SHAPE_SPHERE && shape->kind != SHAPE_MESH; k++) {
+        bool has_planes = shape->kind != SHAPE_SPHERE && shape->kind != SHAPE_MESH;
+        for (int k = 0; has_planes && k < slots_of(shape->kind); k++) {
             int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
             double at = shape->kind == SHAPE_CUBE ? 1 - 2 * (k % 2) : 0;
             double normal[3], offset;

@@ -182,7 +182,8 @@ static void prepare_shape_tree(Scene *scene, const Description *d, const int *fi
     int count = 0, most = count_primitives(d);
     Bounds all = bounds_empty();
     BvhItem *items = allocate((size_t)most, sizeof *items);
-    Bounds *bounds = allocate((size_t)d->shape_count, sizeof *bounds), *of_leaf = allocate((size_t)most, sizeof *bounds);
+    Bounds *bounds = allocate((size_t)d->shape_count, sizeof *bounds);
+    Bounds *of_leaf = allocate((size_t)most, sizeof *of_leaf);
     for (int i = 0; i < d->shape_count; i++) {
         double low[3], high[3];
         if (d->shapes[i].kind == SHAPE_MESH)

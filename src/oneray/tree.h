@@ -12,33 +12,36 @@
 #include <immintrin.h>
 #endif
 
-/* Eight numbers for one ray, at every LANES. They stay out of function signatures, where a processor without
-   registers of this width would have another calling convention. */
-#define EIGHT_BYTES (8 * NUM_BYTES)
-typedef Num Eight __attribute__((vector_size(EIGHT_BYTES)));
-typedef Int EightMask __attribute__((vector_size(EIGHT_BYTES)));
-
-#define EIGHT_SELECT(m, a, b) ((Eight)(((m) & (EightMask)(a)) | (~(m) & (EightMask)(b))))
-
-/* A bit for each of the eight. */
-INLINE unsigned eight_bits(const EightMask *m)
-{
-    unsigned bits = 0;
+/* Eight numbers for one ray, at every LANES, in as few pieces as the processor's registers allow. Pieces stay
+   out of function signatures, where another processor may have another calling convention for them. */
 #if defined(__AVX512DQ__) && !defined(SINGLE)
-    bits = _mm512_movepi64_mask((__m512i)*m);
+#define PIECE_BYTES 64
 #elif defined(__AVX2__)
-    for (int part = 0; part < EIGHT_BYTES / 32; part++) {
-#ifdef SINGLE
-        bits |= (unsigned)_mm256_movemask_ps(_mm256_loadu_ps((const Num *)m)) << (8 * part);
+#define PIECE_BYTES 32
 #else
-        bits |= (unsigned)_mm256_movemask_pd(_mm256_loadu_pd((const Num *)m + 4 * part)) << (4 * part);
+#define PIECE_BYTES 16
 #endif
-    }
+#define PIECE (PIECE_BYTES / NUM_BYTES)
+typedef Num Piece __attribute__((vector_size(PIECE_BYTES)));
+typedef Int PieceMask __attribute__((vector_size(PIECE_BYTES)));
+
+#define PIECE_SELECT(m, a, b) ((Piece)(((m) & (PieceMask)(a)) | (~(m) & (PieceMask)(b))))
+
+/* A bit for each of the piece's numbers. */
+INLINE unsigned piece_bits(const PieceMask *m)
+{
+#if PIECE_BYTES == 64
+    return MASK_BITS_512((__m512i)*m);
+#elif PIECE_BYTES == 32
+    return (unsigned)VECTOR_BITS(_mm256)((Piece)*m);
+#elif defined(__SSE2__)
+    return (unsigned)VECTOR_BITS(_mm)((Piece)*m);
 #else
-    for (int k = 0; k < 8; k++)
+    unsigned bits = 0;
+    for (int k = 0; k < PIECE; k++)
         bits |= (unsigned)((*m)[k] & 1) << k;
-#endif
     return bits;
+#endif
 }
 
 typedef struct {
@@ -105,30 +108,40 @@ typedef struct {
 
 enum { PENDING_MOST = BVH_DEPTH * (BVH_WIDTH - 1) + BVH_WIDTH };
 
-/* Puts down the children whose boxes the ray meets before tmax, the nearest last. Comparisons that a nan (0
+/* Which of the node's boxes the ray meets before tmax, and where it enters them. Comparisons that a nan (0
    times infinity) fails keep what there was. */
+INLINE unsigned boxes_met(const TreeNode *node, const Beam *beam, Num tmax, Num distance[8])
+{
+    unsigned bits = 0;
+    for (int part = 0; part < 8; part += PIECE) {
+        Piece near = {0}, far = (Piece){0} + tmax;
+        for (int i = 0; i < 3; i++) {
+            Piece enter, leave;
+            memcpy(&enter, (beam->inverse[i] < 0 ? node->high[i] : node->low[i]) + part, sizeof enter);
+            memcpy(&leave, (beam->inverse[i] < 0 ? node->low[i] : node->high[i]) + part, sizeof leave);
+            enter = (enter - beam->near_o[i]) * beam->inverse[i];
+            leave = (leave - beam->far_o[i]) * beam->inverse[i];
+            PieceMask later = enter > near, sooner = leave < far;
+            near = PIECE_SELECT(later, enter, near);
+            far = PIECE_SELECT(sooner, leave, far);
+        }
+        PieceMask met = near <= far * (1 + 8 * ROUNDING);
+#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
+        met = ~(PieceMask){0};
+        near = (Piece){0};
+#endif
+        memcpy(distance + part, &near, sizeof near);
+        bits |= piece_bits(&met) << part;
+    }
+    return bits;
+}
+
+/* Puts down the children that the ray meets before tmax, the nearest last. */
 INLINE void add_children(const TreeNode *node, const Beam *beam, Num tmax, Pending *pending, int *count)
 {
-    Eight near = {0}, far = (Eight){0} + tmax;
-    for (int i = 0; i < 3; i++) {
-        Eight enter, leave;
-        memcpy(&enter, beam->inverse[i] < 0 ? node->high[i] : node->low[i], sizeof enter);
-        memcpy(&leave, beam->inverse[i] < 0 ? node->low[i] : node->high[i], sizeof leave);
-        enter = (enter - beam->near_o[i]) * beam->inverse[i];
-        leave = (leave - beam->far_o[i]) * beam->inverse[i];
-        EightMask later = enter > near, sooner = leave < far;
-        near = EIGHT_SELECT(later, enter, near);
-        far = EIGHT_SELECT(sooner, leave, far);
-    }
-    EightMask met = near <= far * (1 + 8 * ROUNDING);
-#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
-    met = ~(EightMask){0};
-    near = (Eight){0};
-#endif
     Num distance[8];
-    memcpy(distance, &near, sizeof distance);
     int first = *count;
-    for (unsigned bits = eight_bits(&met); bits; bits &= bits - 1) {
+    for (unsigned bits = boxes_met(node, beam, tmax, distance); bits; bits &= bits - 1) {
         int k = lowest_lane(bits), at = *count;
         if (node->where.child[k] == -1)
             continue;

@@ -26,21 +26,26 @@ typedef struct {
    Ray/Triangle Intersection, JCGT 2(1), 2013. */
 INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num t[8])
 {
-    Eight x[3], y[3], z[3], zero = {0};
-    for (int c = 0; c < 3; c++) {
-        memcpy(&x[c], leaf->corner[c][beam->axis[0]], sizeof x[c]);
-        memcpy(&y[c], leaf->corner[c][beam->axis[1]], sizeof y[c]);
-        memcpy(&z[c], leaf->corner[c][beam->axis[2]], sizeof z[c]);
-        z[c] = z[c] - beam->o[beam->axis[2]];
-        x[c] = (x[c] - beam->o[beam->axis[0]]) - beam->shear[0] * z[c];
-        y[c] = (y[c] - beam->o[beam->axis[1]]) - beam->shear[1] * z[c];
+    unsigned bits = 0;
+    for (int part = 0; part < 8; part += PIECE) {
+        Piece x[3], y[3], z[3], zero = {0};
+        for (int c = 0; c < 3; c++) {
+            memcpy(&x[c], leaf->corner[c][beam->axis[0]] + part, sizeof x[c]);
+            memcpy(&y[c], leaf->corner[c][beam->axis[1]] + part, sizeof y[c]);
+            memcpy(&z[c], leaf->corner[c][beam->axis[2]] + part, sizeof z[c]);
+            z[c] = z[c] - beam->o[beam->axis[2]];
+            x[c] = (x[c] - beam->o[beam->axis[0]]) - beam->shear[0] * z[c];
+            y[c] = (y[c] - beam->o[beam->axis[1]]) - beam->shear[1] * z[c];
+        }
+        Piece u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
+        Piece sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * beam->shear[2] / sum;
+        PieceMask inside =
+            ((u >= zero) & (v >= zero) & (w >= zero)) | ((u <= zero) & (v <= zero) & (w <= zero));
+        inside &= (sum != zero) & (at > zero);
+        memcpy(t + part, &at, sizeof at);
+        bits |= piece_bits(&inside) << part;
     }
-    Eight u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
-    Eight sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * beam->shear[2] / sum;
-    EightMask inside = ((u >= zero) & (v >= zero) & (w >= zero)) | ((u <= zero) & (v <= zero) & (w <= zero));
-    inside &= (sum != zero) & (at > zero);
-    memcpy(t, &at, sizeof at);
-    return eight_bits(&inside);
+    return bits;
 }
 
 /* The nearest before *t, or as near and of a lower slot. `shines`, where not NULL, says by row what the ray
@@ -48,7 +53,8 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num t[8])
 static inline void triangles_nearest(
     const Triangles *triangles, const Beam *beam, const Int *shines, Num *t, Int *slot)
 {
-    Pending pending[PENDING_MOST] = {{0, 0}};
+    Pending pending[PENDING_MOST];
+    pending[0] = (Pending){0, 0};
     for (int count = 1; count > 0;) {
         Pending next = pending[--count];
         if (next.near > *t)
@@ -74,7 +80,8 @@ static inline void triangles_nearest(
 /* L3 Is any in the way before t, one that is neither where the ray starts nor where it ends? */
 static inline int triangles_block(const Triangles *triangles, const Beam *beam, Num t)
 {
-    Pending pending[PENDING_MOST] = {{0, 0}};
+    Pending pending[PENDING_MOST];
+    pending[0] = (Pending){0, 0};
     for (int count = 1; count > 0;) {
         int child = pending[--count].child;
         if (child >= 0) {

@@ -176,9 +176,15 @@ def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
     """SHA-256 of a scene file, of the files that it names, and of the parameters; line ends do not matter."""
     text = path.read_bytes().replace(b"\r\n", b"\n")
     digest = hashlib.sha256(text)
-    for element in ElementTree.fromstring(text).iter("string"):
+    root = ElementTree.fromstring(text)
+    values = {default.attrib["name"]: default.attrib["value"] for default in root.iter("default")}
+    values |= parameters or {}
+    for element in root.iter("string"):
         if element.attrib.get("name") == "filename":
-            digest.update((path.parent / element.attrib["value"]).read_bytes())
+            name = element.attrib["value"]
+            for parameter in sorted(values, key=len, reverse=True):
+                name = name.replace(f"${parameter}", values[parameter])
+            digest.update((path.parent / name).read_bytes())
     digest.update(json.dumps(sorted((parameters or {}).items())).encode())
     return digest.hexdigest()
 

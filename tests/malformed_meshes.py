@@ -1,0 +1,181 @@
+"""Mesh files with one fault each, and the message that each must get after "FILE:"."""
+
+from __future__ import annotations
+
+import struct
+
+VERTICES = ["property float x", "property float y", "property float z"]
+FACES = ["property list uchar int vertex_indices"]
+SQUARE = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"]
+
+
+def ply(
+    *body: str,
+    form: str = "ascii 1.0",
+    vertices: object = 4,
+    faces: object = 2,
+    of_vertices: list[str] | None = None,
+    of_faces: list[str] | None = None,
+) -> bytes:
+    """A PLY file: header lines 1 to 8 as long as nothing else is given, then the body."""
+    header = ["ply", f"format {form}", f"element vertex {vertices}", *(of_vertices or VERTICES)]
+    header += [f"element face {faces}", *(of_faces or FACES), "end_header"]
+    return "".join(line + "\n" for line in [*header, *body]).encode()
+
+
+def binary(points: list[float], corners: list[int], **header: object) -> bytes:
+    """A little-endian PLY file with one face."""
+    head = ply(form="binary_little_endian 1.0", faces=1, **header)  # type: ignore[arg-type]
+    numbers = struct.pack(f"<{len(points)}f", *points)
+    return head + numbers + struct.pack(f"<B{len(corners)}i", len(corners), *corners)
+
+
+TRIANGLE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0]
+OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+NUMBER = "a number up to 3.40282e+38 is wanted"
+
+MALFORMED: dict[str, tuple[bytes, str]] = {
+    "empty.ply": (b"", "1: the file is empty"),
+    "no-ply.ply": (b"plywood\n", '1: this is no PLY file: its first line must be "ply"'),
+    "obj-as-ply.ply": (OBJ.encode(), '1: this is no PLY file: its first line must be "ply"'),
+    "header-ends.ply": (
+        b"ply\nformat ascii 1.0\n",
+        '3: the header has "" (format once, comment, element, property, end_header)',
+    ),
+    "unknown-format.ply": (
+        ply(form="binary_middle_endian 1.0"),
+        '2: the format "binary_middle_endian 1.0" is not supported '
+        "(ascii 1.0, binary_little_endian 1.0, binary_big_endian 1.0)",
+    ),
+    "unknown-version.ply": (
+        ply(form="ascii 2.0"),
+        '2: the format "ascii 2.0" is not supported '
+        "(ascii 1.0, binary_little_endian 1.0, binary_big_endian 1.0)",
+    ),
+    "unknown-type.ply": (
+        ply(of_vertices=["property real x"]),
+        '4: "real" is no type of PLY (char, uchar, short, ushort, int, uint, float, double)',
+    ),
+    "unknown-word.ply": (
+        ply(of_vertices=["attribute float x"]),
+        '4: the header has "attribute" (format once, comment, element, property, end_header)',
+    ),
+    "count-words.ply": (ply(vertices="four"), '3: "four" is no number of elements (0 to 268435456)'),
+    "count-negative.ply": (ply(vertices=-4), '3: "-4" is no number of elements (0 to 268435456)'),
+    "count-absurd.ply": (
+        ply(vertices=99999999999),
+        '3: "99999999999" is no number of elements (0 to 268435456)',
+    ),
+    "count-beyond-file.ply": (
+        ply(*SQUARE, vertices=268435456),
+        '3: 268435456 elements "vertex" are said to follow, but only 24 bytes do',
+    ),
+    "without-z.ply": (
+        ply(*SQUARE, of_vertices=VERTICES[:2]),
+        "3: the vertices need the properties x, y and z",
+    ),
+    "x-twice.ply": (
+        ply(of_vertices=[VERTICES[0], VERTICES[0]]),
+        '5: the property "x" is given twice',
+    ),
+    "without-indices.ply": (
+        ply(*SQUARE, "3 0 1 2", "3 0 2 3", of_faces=["property list uchar int indices"]),
+        "7: the faces need a list vertex_indices or vertex_index",
+    ),
+    "float-indices.ply": (
+        ply(of_faces=["property list uchar float vertex_index"]),
+        '8: "vertex_index" must be a list of integers, its length too',
+    ),
+    "property-first.ply": (
+        b"ply\nformat ascii 1.0\nproperty float x\n",
+        "3: a property before the first element",
+    ),
+    "faces-first.ply": (
+        b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_index\nend_header\n3 0 1 2\n",
+        "3: the faces must come after the vertices",
+    ),
+    "long-word.ply": (
+        b"ply\n" + b"x" * 50 + b"\n",
+        "2: a word of the header is longer than 39 bytes: this is no PLY file",
+    ),
+    "truncated.ply": (
+        ply(*SQUARE, "3 0 1 2"),
+        '15: the file ends before the 2 elements "face" of line 7 do',
+    ),
+    "two-corners.ply": (
+        binary(TRIANGLE, [0, 1], vertices=3),
+        "7: face 0 has 2 corners: only triangles are supported, as in Mitsuba",
+    ),
+    "truncated-binary-face.ply": (
+        binary(TRIANGLE, [0, 1, 2], vertices=3)[:-1],
+        '7: the file ends before the 1 elements "face" of this line do',
+    ),
+    "longer.ply": (ply(*SQUARE, "3 0 1 2", "3 0 2 3", "3 1 2 3"), "16: 8 bytes are left after all elements"),
+    "quad.ply": (
+        ply(*SQUARE, "4 0 1 2 3", faces=1),
+        "14: face 0 has 4 corners: only triangles are supported, as in Mitsuba",
+    ),
+    "index-beyond.ply": (
+        ply(*SQUARE, "3 0 1 2", "3 0 2 4"),
+        "15: face 1 has the vertex 4, but there are only 0 to 3",
+    ),
+    "index-negative.ply": (
+        binary(TRIANGLE, [0, 1, -1], vertices=3),
+        "7: face 0 has the vertex -1, but there are only 0 to 2",
+    ),
+    "index-fraction.ply": (
+        ply(*SQUARE, "3 0 1 2.5", faces=1),
+        "14: 2.5 is no integer, and a value of type int is wanted",
+    ),
+    "word.ply": (ply("0 0 0", "1 zero 0", *SQUARE), f'11: "zero" is no value of PLY: {NUMBER}'),
+    "nan.ply": (ply("0 0 0", "1 nan 0", *SQUARE), f'11: "nan" is no value of PLY: {NUMBER}'),
+    "nan-binary.ply": (
+        binary([float("nan"), *TRIANGLE[1:]], [0, 1, 2], vertices=3),
+        f"3: vertex 0 has the coordinate nan: {NUMBER}",
+    ),
+    "infinite-binary.ply": (
+        binary([*TRIANGLE[:8], float("inf")], [0, 1, 2], vertices=3),
+        f"3: vertex 2 has the coordinate inf: {NUMBER}",
+    ),
+    "no-faces.ply": (ply(*SQUARE, faces=0), "1: the mesh has no faces"),
+    "all-flat.ply": (
+        ply(*SQUARE, "3 0 1 1", "3 2 2 2"),
+        "1: none of the 2 triangles has an area",
+    ),
+    "no-faces.obj": (OBJ.encode(), "1: the mesh has no faces"),
+    "word.obj": (b"v 0 a 0\n", f'1: "a" is no coordinate: {NUMBER}'),
+    "two-coordinates.obj": (b"v 0 0\n", "1: the coordinate is missing: a number is wanted"),
+    "infinite.obj": (b"v 0 0 0\nv 0 1e39 0\n", f'2: "1e39" is no coordinate: {NUMBER}'),
+    "index-beyond.obj": (
+        f"{OBJ}f 1 2 5\n".encode(),
+        "5: the face refers to vertex 5, but there are 4 so far",
+    ),
+    "index-zero.obj": (f"{OBJ}f 0 1 2\n".encode(), "5: the face refers to vertex 0, but there are 4 so far"),
+    "index-negative.obj": (
+        f"{OBJ}f -5 -1 -2\n".encode(),
+        "5: the face refers to vertex -5, but there are 4 so far",
+    ),
+    "normal-beyond.obj": (
+        f"{OBJ}vn 0 0 1\nf 1//1 2//1 3//2\n".encode(),
+        "6: the face refers to normal 2, but there are 1 so far",
+    ),
+    "texture-beyond.obj": (
+        f"{OBJ}f 1/1 2/1 3/1\n".encode(),
+        "5: the face refers to texture coordinate 1, but there are 0 so far",
+    ),
+    "normal-zero.obj": (f"{OBJ}vn 0 0 0\n".encode(), "5: a normal must not be 0"),
+    "some-normals.obj": (
+        f"{OBJ}vn 0 0 1\nf 1//1 2//1 3\n".encode(),
+        "7: 1 of 3 vertices have no normal: all or none must have one",
+    ),
+    "two-corners.obj": (f"{OBJ}f 1 2\n".encode(), "5: the face has 2 corners: three or more are wanted"),
+    "corner-word.obj": (
+        f"{OBJ}f 1 2 x\n".encode(),
+        "5: a corner of the face is no v, v/vt, v//vn or v/vt/vn",
+    ),
+    "corner-four.obj": (
+        f"{OBJ}f 1 2 3.5\n".encode(),
+        "5: a corner of the face is no v, v/vt, v//vn or v/vt/vn",
+    ),
+    "zero-byte.obj": (f"{OBJ}f 1 2 \0\n".encode(), "5: the face has 2 corners: three or more are wanted"),
+}
