@@ -2,6 +2,7 @@
 # make demo       sets up what is missing, renders and verifies the canonical scenes, leaves build/report/index.html
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
+# make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 
 BUILD   ?= build
@@ -40,7 +41,7 @@ PLAIN_OBJECTS := $(patsubst src/oneray/%.c,$(BUILD)/%.o,$(filter-out src/oneray/
 KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call part,$(k),1)_$(call part,$(k),2).o)
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all demo test references thorough benchmark clean FORCE
+.PHONY: all demo test references thorough techniques benchmark clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -108,6 +109,11 @@ references: $(BUILD)/.system-test $(VENV)/.test
 thorough: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(RAYCHECK) verify --thorough --json references/verification.json
+
+techniques: $(BUILD)/.system $(VENV)/.demo
+	$(MAKE) all
+	$(RAYCHECK) techniques --json references/techniques.json
+	$(PYTHON) scripts/readme_prices.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all

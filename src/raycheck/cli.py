@@ -1,7 +1,8 @@
-"""The command line: raycheck verify, compare, report, reference."""
+"""The command line: raycheck verify, compare, report, techniques, reference."""
 
 import math
 import os
+import shlex
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -14,14 +15,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck import mitsuba_reference, reference_making, references, words
+from raycheck import mitsuba_reference, prices, reference_making, references, words
 from raycheck.compare import compare as compare_images
 from raycheck.images import ImageError
 from raycheck.references import ReferenceError_
 from raycheck.renderers import NotFound, RenderError
 from raycheck.report import write_report
+from raycheck.techniques import TECHNIQUES
 from raycheck.verdict import Outcome
-from raycheck.verify import Case, Verification, raycheck_version
+from raycheck.verify import Case, Verification, machine, raycheck_version
 from raycheck.verify import verify as run_verification
 
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
@@ -156,6 +158,66 @@ def report(
     with _plain_errors(), _progress("verifying") as on_case:
         page = write_report(output, verification, on_case=on_case)
     typer.echo(f"{page}: open it in a browser")
+
+
+@app.command()
+def techniques(
+    scenes: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE]...", help="Names, labels such as furnace@depth=2, or files; all by default."
+        ),
+    ] = None,
+    settings: Settings = None,
+    spp: Annotated[
+        int | None, typer.Option(min=2, help="Samples per pixel of each round, instead of --seconds.")
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.001, help="Rendering of each technique in each scene, all rounds together.")
+    ] = 0.6,
+    rounds: Annotated[
+        int, typer.Option(min=prices.LEAST_ROUNDS, help="Interleaved, with seeds of their own.")
+    ] = 3,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
+    ] = None,
+) -> None:
+    """What each technique of oneray costs: variance and time of a sample, against the plain random walk."""
+    _writable(json_file)
+    with _progress("pricing") as on_case, _plain_errors():
+        wanted = prices.scenes_named(scenes or (), parse_settings(settings))
+        result = prices.price_list(wanted, rounds=rounds, seconds=seconds, spp=spp, on_case=on_case)
+    _show_prices(result)
+    if json_file:
+        budget = {"spp": spp} if spp else {"seconds": seconds}
+        header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()} | budget
+        _replace(json_file, prices.to_json(result, header))
+
+
+def _show_prices(result: list[prices.ScenePrices]) -> None:
+    """A table of each scene, and what the techniques in them are."""
+    console = _console()
+    for one in result:
+        table = Table(box=None, pad_edge=False, header_style="bold")
+        for index, name in enumerate(prices.COLUMNS):
+            table.add_column(name, justify="left" if index < 2 else "right", no_wrap=True)
+        for each in one.prices:
+            table.add_row(*prices.row(each), style="bold" if each.technique == one.baseline else None)
+        console.print(f"[bold]{one.scene}[/], {one.rounds} rounds, against {one.baseline}", highlight=False)
+        console.print(table)
+        for note in prices.footnotes(one):
+            console.print(note, markup=False, highlight=False, soft_wrap=True)
+        console.print()
+    priced = {each.technique for one in result for each in one.prices}
+    legend = Table(box=None, pad_edge=False, show_header=False)
+    for each in TECHNIQUES:
+        if each.name in priced:
+            legend.add_row(each.name, each.summary)
+    console.print(legend)
+
+
+def _command_line() -> str:
+    return shlex.join(["raycheck", *sys.argv[1:]])
 
 
 class Maker(StrEnum):
@@ -327,7 +389,7 @@ def _progress(what: str):
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(what, total=None)
 
-        def on_case(case: Case, total: int) -> None:
+        def on_case(case: Case | prices.Step, total: int) -> None:
             bar.update(task, total=total, advance=1, description=f"{what} {case.scene}, {case.technique}")
 
         yield on_case
