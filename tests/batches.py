@@ -45,6 +45,12 @@ class Batches:
         """E[X]² of each pixel, unbiased, then the mean over the pixels."""
         return self.second - self.variance
 
+    @property
+    def squared_mean_of_all(self) -> float:
+        """The same from all batches together, by the products of different ones: a number of small error."""
+        total, count = self.pixels.sum(axis=0), len(self.pixels)
+        return float((total**2 - (self.pixels**2).sum(axis=0)).mean() / (count * (count - 1)))
+
 
 @dataclass(frozen=True)
 class Interval:

@@ -70,9 +70,9 @@ def test_facing_second_moment(render) -> None:
     """L5. That of the facing half by quadrature, and twice that for the whole sphere."""
     predicted = facing_second_moment()
     for options, factor in ((NEE_FACING, 1), (NEE_AREA, 2)):
-        found = interval(render(BALL, options).second)
+        found = interval(render(BALL, options, 1024).second)
         assert factor * predicted in found
-        assert 1.05 * factor * predicted not in found
+        assert 1.1 * factor * predicted not in found
 
 
 def test_cone_second_moment(render) -> None:
@@ -93,7 +93,7 @@ def test_cone_beats_facing(render) -> None:
     c = np.sqrt(1 - (RADIUS / DISTANCE) ** 2)
     mean = ALBEDO * (1 - c**2)
     predicted = (facing_second_moment() / mean**2 - 1) / (((1 - c) / (1 + c)) ** 2 / 3)
-    found = ratio(render(BALL, NEE_FACING).variance, render(BALL, NEE_CONE).variance)
+    found = ratio(render(BALL, NEE_FACING, 1024).variance, render(BALL, NEE_CONE, 1024).variance)
     assert predicted > 10
     assert predicted in found
     assert 1.05 * predicted not in found
@@ -101,26 +101,27 @@ def test_cone_beats_facing(render) -> None:
 
 # --- One of N lights with one ray (L4, L6).
 
-BLOCKER = square(0.5, 1.95, 0.4)
-
-
-def lamps(*radiances: float | str) -> str:
+def lamps(*radiances: float | str, height: float = 2) -> str:
     """Up to three square lamps over a floor, side by side, of different size."""
     places = ((-0.5, 0.3), (0.5, 0.3), (1.6, 0.15))
-    return "".join(square(x, 2, half, glow(L)) for (x, half), L in zip(places, radiances, strict=False))
+    each = zip(places, radiances, strict=False)
+    return "".join(square(x, height, half, glow(radiance)) for (x, half), radiance in each)
 
 
 def test_knowing_that_a_light_is_occluded_halves_the_second_moment(render) -> None:
-    """L6. Two equal lights, one of them hidden. Situation 1: each with p = 1/2, E[X²] = M₁/(1/2). Situation 2:
-    the free one with p = 1, E[X²] = M₁. What is learned comes within a tenth of situation 2.
+    """L6. Two equal lights, one of them hidden. Situation 1: each with p = 1/2, E[X²] = M₁/(1/2). Situation
+    2: the free one with p = 1, E[X²] = M₁. What is learned (L18) comes close to that: E[X²] = M₁/p₁ with p₁
+    next to 1, since the hidden one keeps a chance of 0.1 % or so.
     """
-    hidden, known = (world(FLOOR + BLOCKER + lamps(1, second), fov=30) for second in (1, 0))
+    around = FLOOR + square(0.5, 0.75, 0.4)
+    hidden, known = (world(around + lamps(1, second, height=0.8), fov=30) for second in (1, 0))
     nothing_known = render(hidden, "--estimator nee --light-points area --light-choice uniform")
     all_known = render(known, NEE_AREA)
     learned = render(hidden, "--estimator nee --light-points area --light-choice learned")
     found = ratio(nothing_known.second, all_known.second)
     assert 2 in found
-    assert found.width < 0.05
+    assert found.width < 0.1
+    assert ratio(learned.second, all_known.second).high < 1.01
     assert ratio(learned.variance, all_known.variance).high < 1.1
     assert ratio(nothing_known.variance, all_known.variance).low > 2
     for other in (nothing_known, learned):
@@ -147,11 +148,11 @@ def test_second_moments_of_lights_add_over_their_probabilities(render, choice: s
         assert (1 in ratio(together.second, predicted)) is (name == choice)
 
 
-@pytest.mark.parametrize(("name", "spp"), [("many-lights", 16), ("thousand-lights", 4)])
+@pytest.mark.parametrize(("name", "spp"), [("many-lights", 8), ("thousand-lights", 2)])
 def test_choosing_by_contribution_beats_chance(render, scene, name: str, spp: int) -> None:
     """L6, L18. With many lights, near ones and far ones, and some behind others."""
     variances = {
-        choice: render(scene(name), f"--estimator nee --light-points area --light-choice {choice}", spp, 8)
+        choice: render(scene(name), f"--estimator nee --light-points area --light-choice {choice}", spp, 6)
         for choice in ("uniform", "contribution", "learned")
     }
     for choice in ("contribution", "learned"):
@@ -218,9 +219,8 @@ class Lamp:
         pdfs = (self.by_area, self.by_walk)
         total = sum(p**exponent for p in pdfs)
         shares = [p**exponent / total * self.g for p in pdfs]
-        return float(
-            sum((s**2 / p * self.dw).sum() - (s * self.dw).sum() ** 2 for s, p in zip(shares, pdfs, strict=True))
-        )
+        seconds = sum((s**2 / p * self.dw).sum() for s, p in zip(shares, pdfs, strict=True))
+        return float(seconds - sum((s * self.dw).sum() ** 2 for s in shares))
 
 
 FAR, NEAR = Lamp(half=0.2, height=2), Lamp(half=1, height=0.6)
@@ -229,8 +229,8 @@ FAR, NEAR = Lamp(half=0.2, height=2), Lamp(half=1, height=0.6)
 @pytest.mark.parametrize("lamp", [FAR, NEAR], ids=["far", "near"])
 @pytest.mark.parametrize("options", [WALK, NEE_AREA, NEE_CONE, f"{MIS} balance", f"{MIS} power"])
 def test_all_ways_have_the_same_mean(render, lamp: Lamp, options: str) -> None:
-    """The whole lecture: the same on average. Direct and indirect light do not overlap (L10), weights sum to 1
-    (L13).
+    """The whole lecture: the same on average. Direct and indirect light do not overlap (L10), and weights sum
+    to 1 (L13).
     """
     found = interval(render(lamp.scene, options).mean)
     assert lamp.mean in found
@@ -282,8 +282,11 @@ def test_variance_of_multiple_importance_sampling(render, lamp: Lamp, heuristic:
 def at_depth_two() -> list[str]:
     """Scenes in which one light can be found both ways."""
     wanted = {technique(name) for name in ("walk-cosine", "nee", "mis-balance", "mis-power")}
-    names = references.scene_names()
-    return [n for n in names if wanted <= set(applicable(read_content(references.scene_path(n), {"depth": "2"})))]
+
+    def possible(name: str) -> bool:
+        return wanted <= set(applicable(read_content(references.scene_path(name), {"depth": "2"})))
+
+    return [name for name in references.scene_names() if possible(name)]
 
 
 @pytest.mark.parametrize("name", at_depth_two())
@@ -292,20 +295,22 @@ def test_multiple_importance_sampling_is_never_much_worse(render, scene, name: s
     V_balance ≤ V + (1/min n - 1/Σn) μ² = V + μ²/2, V being either technique's alone.
 
     Why: V_balance = S - Σ μᵢ², S = Σ ∫ (w g)²/p. The balance heuristic makes S least, so S ≤ V + μ², and two
-    parts that sum to μ have Σ μᵢ² ≥ μ²/2. The power heuristic's S is at most 9/8 as large: with t the ratio of
-    the densities, (1+t³)(1+t)/(1+t²)² = (1+s)(1-s/2) where s = 2t/(1+t²), most at s = 1/2. So
+    parts that sum to μ have Σ μᵢ² ≥ μ²/2. The power heuristic's S is at most 9/8 as large: with t the ratio
+    of the densities, (1+t³)(1+t)/(1+t²)² = (1+s)(1-s/2) where s = 2t/(1+t²), most at s = 1/2. So
     V_power ≤ 9/8 V + 5/8 μ². Both are linear: they hold for sums over pixels. For μ² stands the square of a
-    pixel's mean, which is less than the mean of squares: a little stricter than the theorem.
+    pixel's mean, which is less than the mean of squares: a little stricter than the theorem. Techniques whose
+    variance may be infinite bound nothing and are left out.
     """
 
     def all_of(key: str) -> Batches:
-        return render(scene(name), [*technique(key).options, "-Ddepth=2"], 8, 6)
+        return render(scene(name), [*technique(key).options, "-Ddepth=2"], 8, 5)
 
+    unbounded = read_content(scene(name)).unbounded
     balance, power = all_of("mis-balance"), all_of("mis-power")
-    for alone in (all_of("walk-cosine"), all_of("nee")):
-        square_of_mean = alone.squared_mean
-        assert interval(balance.variance - alone.variance - square_of_mean / 2).high < 0
-        assert interval(power.variance - 9 / 8 * alone.variance - 5 / 8 * square_of_mean).high < 0
+    for alone in [all_of(key) for key in ("walk-cosine", "nee") if key not in unbounded]:
+        squared_mean = alone.squared_mean_of_all
+        assert interval(balance.variance - alone.variance).high < squared_mean / 2
+        assert interval(power.variance - 9 / 8 * alone.variance).high < 5 / 8 * squared_mean
 
 
 def test_the_bound_is_not_empty(render) -> None:
@@ -317,7 +322,7 @@ def test_the_bound_is_not_empty(render) -> None:
 def test_all_weights_have_the_same_mean(render, scene) -> None:
     """L13. Balance, power, and with the chance of survival in the walk's density, over eight bounces."""
     names = ("mis-balance", "mis-power", "mis-survival", "nee")
-    found = {name: render(scene("cornell-box"), technique(name).options, 16) for name in names}
+    found = {name: render(scene("cornell-box"), technique(name).options, 8) for name in names}
     for name in names[1:]:
         compared = ratio(found[name].mean, found["mis-balance"].mean)
         assert 1 in compared
@@ -330,7 +335,7 @@ GREY = 0.75
 
 
 def furnace(depth: int) -> str:
-    """A closed grey sphere that glows with L = 1 all over, seen from inside; roulette from the first bounce."""
+    """A closed grey sphere that glows with L = 1 all over, from inside; roulette from the first bounce."""
     body = f"""<shape type="sphere"><float name="radius" value="2"/>
     <boolean name="flip_normals" value="true"/>{diffuse(GREY)}{glow(1)}</shape>"""
     return world(body, depth=depth, rr_depth=1)
@@ -366,7 +371,7 @@ def test_roulette_pays_in_variance_for_shorter_paths(render) -> None:
 def test_roulette_in_a_room(render, scene) -> None:
     """L14. The same mean, more variance of a sample, fewer rays."""
     without, roulette = (
-        render(scene("cornell-box"), technique(name).options, 16) for name in ("nee-no-roulette", "nee")
+        render(scene("cornell-box"), technique(name).options, 8) for name in ("nee-no-roulette", "nee")
     )
     assert 1 in ratio(roulette.mean, without.mean)
     assert ratio(roulette.variance, without.variance).low > 1
@@ -459,7 +464,7 @@ def test_light_sampled_for_a_mixed_material(render) -> None:
 
 def test_tracing_from_the_light_shows_the_same_room(render, scene) -> None:
     """L17. Image and quarters."""
-    light, nee = (render(scene("cornell-box"), technique(name).options, 32) for name in ("light", "nee"))
+    light, nee = (render(scene("cornell-box"), technique(name).options, 16) for name in ("light", "nee"))
     halves = (slice(None, 32), slice(32, None))
     for rows, columns in [(slice(None), slice(None)), *((a, b) for a in halves for b in halves)]:
         found = ratio(*(b.pixels[:, rows, columns].mean(axis=(1, 2, 3)) for b in (light, nee)))
