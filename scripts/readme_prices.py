@@ -1,4 +1,4 @@
-"""Put the tables of references/techniques.json into the README, between the comments that name their scenes:
+"""Put the table of references/techniques.json into the README, between the comments that name its scenes:
 <!-- prices: SCENE ... --> and <!-- /prices -->.
 
     python scripts/readme_prices.py
@@ -15,14 +15,14 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def renewed(readme: str, found: list[prices.ScenePrices]) -> str:
-    """The README with today's tables."""
+    """The README with today's table."""
     by_name = {one.scene: one for one in found}
 
-    def tables(match: re.Match[str]) -> str:
-        text = "\n\n".join(prices.markdown(by_name[name]) for name in match.group(1).split())
+    def table(match: re.Match[str]) -> str:
+        text = prices.markdown([by_name[name] for name in match.group(1).split()])
         return f"<!-- prices: {match.group(1)} -->\n{text}\n<!-- /prices -->"
 
-    return re.sub(r"<!-- prices: (.*?) -->.*?<!-- /prices -->", tables, readme, flags=re.DOTALL)
+    return re.sub(r"<!-- prices: (.*?) -->.*?<!-- /prices -->", table, readme, flags=re.DOTALL)
 
 
 def main() -> None:

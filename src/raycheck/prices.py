@@ -26,7 +26,7 @@ from raycheck.images import load_image
 from raycheck.references import Variant
 from raycheck.seeds import make_seeds
 from raycheck.tasks import Task, oneray_agenda
-from raycheck.techniques import BASELINE, technique
+from raycheck.techniques import BASELINE, TECHNIQUES, technique
 
 Array = NDArray[np.float64]
 
@@ -343,14 +343,25 @@ def lecture_ids(ids: Sequence[str]) -> str:
     return " ".join(parts)
 
 
-def markdown(one: ScenePrices) -> str:
-    """A scene's table for a README."""
-    lines = [f"| {one.scene} | | variance × | time × | efficiency × (min … max) |", "| --- " * 5 + "|"]
-    for p in one.prices:
-        name, _, variance, error, time, gain = row(p)
-        spread = f"{variance} ± {error} %" if error else variance
-        lines.append(f"| `{name}` | {technique(p.technique).summary} | {spread} | {time} | {gain} |")
+def markdown(scenes: Sequence[ScenePrices]) -> str:
+    """A README's table of some scenes: a technique a line, in the order of the lecture, and in each scene's
+    column "efficiency × (variance × · time ×)".
+    """
+    by_name = [{p.technique: p for p in one.prices} for one in scenes]
+    lines = ["| | | " + " | ".join(one.scene for one in scenes) + " |", "| --- " * (len(scenes) + 2) + "|"]
+    for each in TECHNIQUES:
+        if any(each.name in prices for prices in by_name):
+            cells = [_cell(prices.get(each.name)) for prices in by_name]
+            lines.append(f"| `{each.name}` | {lecture_ids(each.lecture)} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _cell(one: Price | None) -> str:
+    if one is None:
+        return ""
+    _, _, variance, _, time, _ = row(one)
+    gain = number(one.efficiency.median) if one.efficiency else "∞" if one.variance == 0 else "0"
+    return f"**{gain}** ({variance} · {time})"
 
 
 def scenes_named(names: Sequence[str], parameters: Mapping[str, str]) -> list[Variant]:
