@@ -38,7 +38,8 @@ def main() -> None:
                 least = least or peak
                 rays = (stats["rays"] + stats["shadow_rays"]) / seconds["render"] / 1e6
                 print(
-                    f"{precision}, {stats['lanes']} lanes, {len(faces)} triangles: load {seconds['load']:.2f} s, "
+                    f"{precision}, {stats['lanes']} lanes, {len(faces)} triangles: "
+                    f"load {seconds['load']:.2f} s, "
                     f"build {seconds['build']:.2f} s, {(peak - least) / len(faces):.0f} bytes a triangle, "
                     f"{rays:.2f} million rays/s"
                 )

@@ -132,10 +132,8 @@ def test_other_properties_are_skipped(oneray: Path, tmp_path: Path) -> None:
     """Vertex colours, lists, other elements and any integer types, by their declared sizes."""
     points, faces = ball(3)
     write_ply(tmp_path / "plain.ply", points, faces)
-    head = (
-        f"ply\nformat binary_big_endian 1.0\nobj_info x\nelement vertex {len(points)}\n"
+    head = f"ply\nformat binary_big_endian 1.0\nobj_info x\nelement vertex {len(points)}\n"
     head += "property uchar red\n"
-    )
     head += "property double y\nproperty list ushort short tags\nproperty float x\nproperty float z\n"
     head += "element edge 2\nproperty int a\nproperty list uint double b\n"
     head += f"element face {len(faces)}\nproperty char flag\n"
