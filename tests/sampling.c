@@ -46,15 +46,15 @@ INLINE void put_mask(Block *b, size_t row, Mask a) { put(b, row, only(a, real(1)
 
 /* void NAME(scene, n, in, out), whose body works on one block b of columns. */
 #define OVER_COLUMNS(name)                                                                                   \
-    static void name##_of(const Scene *scene, Block *b);                                                     \
+    static void name##_block(const Scene *scene, Block *b);                                                     \
     extern void name(const void *scene, size_t n, const double *in, double *out);                            \
     void name(const void *scene, size_t n, const double *in, double *out)                                    \
     {                                                                                                        \
         Block b = {in, out, n, 0};                                                                           \
         for (; b.at < n; b.at += LANES)                                                                      \
-            name##_of(scene, &b);                                                                            \
+            name##_block(scene, &b);                                                                            \
     }                                                                                                        \
-    static void name##_of(const Scene *scene, Block *b)
+    static void name##_block(const Scene *scene, Block *b)
 
 /* ---- sample.h: (u, v, extent) to (x, y, z, pdf). */
 OVER_COLUMNS(hemisphere_uniform)
@@ -90,6 +90,14 @@ OVER_COLUMNS(square)
     put_vec(b, 0, p);
     put(b, 3, real(0.25));
 }
+OVER_COLUMNS(triangle)
+{
+    (void)scene;
+    Vec p = vec_all(real(0));
+    sample_triangle(get(b, 0), get(b, 1), &p.x, &p.y);
+    put_vec(b, 0, p);
+    put(b, 3, real(2));
+}
 OVER_COLUMNS(disk)
 {
     (void)scene;
@@ -124,22 +132,26 @@ OVER_COLUMNS(conductor)
     put(b, 0, fresnel_conductor(get(b, 0), get(b, 1), get(b, 2)));
 }
 
-/* ---- A scene, and the technique by which it is sampled. */
-extern void *scene_open(const char *file, int estimator, int hemisphere, int choice, int points, int schlick);
-void *scene_open(const char *file, int estimator, int hemisphere, int choice, int points, int schlick)
+/* ---- A scene, and the technique by which it is sampled. The description must live as long as the scene. */
+extern void *scene_read(const char *file);
+void *scene_read(const char *file) { return description_read(file, NULL, 0); }
+extern void *scene_open(
+    const void *description, int estimator, int hemisphere, int choice, int points, int schlick);
+void *scene_open(const void *description, int estimator, int hemisphere, int choice, int points, int schlick)
 {
     Technique technique = {.estimator = (Estimator)estimator,
         .hemisphere = (Hemisphere)hemisphere,
         .light_choice = (LightChoice)choice,
         .light_points = (LightPoints)points,
         .fresnel = (Fresnel)schlick};
-    Description *description = description_read(file, NULL, 0);
-    void *scene = prepare(description, &technique);
-    description_free(description);
-    return scene;
+    return prepare(description, &technique);
 }
-extern void scene_close(void *scene);
-void scene_close(void *scene) { release(scene); }
+extern void scene_close(void *scene, void *description);
+void scene_close(void *scene, void *description)
+{
+    release(scene);
+    description_free(description);
+}
 extern int light_count(const void *scene);
 int light_count(const void *scene) { return ((const Scene *)scene)->lights.count; }
 extern int light_slot(const void *scene, int light);
@@ -172,7 +184,7 @@ OVER_COLUMNS(scatter)
     Features f = scene->features;
     Ray ray = {get_vec(b, 0), get_vec(b, 3), real(NUM_MAX), index_of(-1)};
     const Real u[4] = {get(b, 6), get(b, 7), get(b, 8), get(b, 9)};
-    Hit hit = shapes_hit(&scene->shapes, &ray, mask_none(), f);
+    Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
     Mask front;
     Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
     Scatter out = sample_material(&scene->materials, &s, u, f);
@@ -217,16 +229,17 @@ OVER_COLUMNS(light_hit)
     Features f = scene->features;
     Receiver at = get_receiver(b);
     Ray ray = {at.p, get_vec(b, 7), real(NUM_MAX), at.slot};
-    Hit hit = shapes_hit(&scene->shapes, &ray, mask_none(), f);
+    Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
     Mask front;
     Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
-    Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s.slot);
+    Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s.of);
     Mask shines = front & (hit.slot >= 0) & (vec_max(emission) > real(0));
-    Index i = gather_index(scene->lights.slot_light, s.slot);
+    Index i = gather_index(scene->lights.slot_light, s.of);
+    i = index_select(shines, i + index_select(s.slot == s.of, index_of(0), s.slot), index_of(0));
     put_index(b, 0, index_select(shines, i, index_of(-1)));
     put(b, 1, hit.t);
-    put(b, 2, s.cos_o);
-    put(b, 3, inverse_pdf_w_hit(&scene->lights, i, &at, hit.t, s.cos_o, f));
+    put(b, 2, s.cos_face);
+    put(b, 3, inverse_pdf_w_hit(&scene->lights, i, &at, hit.t, s.cos_face, f));
 }
 
 /* A receiver and (u, v) to the light chosen and 1/p_i; a receiver and a light to its 1/p_i. */

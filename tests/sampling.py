@@ -32,9 +32,8 @@ POINTS = {"area": 0, "facing": 1, "cone": 2}
 
 # The numbers that each entry of sampling.c gives for a column.
 ROWS = {
-    **dict.fromkeys(
-        ("hemisphere_uniform", "hemisphere_cosine", "sphere", "cone", "square", "disk", "densities"), 4
-    ),
+    **dict.fromkeys(("hemisphere_uniform", "hemisphere_cosine", "sphere", "cone", "densities"), 4),
+    **dict.fromkeys(("square", "disk", "triangle"), 4),
     **{"dielectric": 3, "conductor": 1, "scatter": 21, "light_sample": 9, "light_hit": 4, "choose": 2},
     **{"choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9},
 }
@@ -77,6 +76,7 @@ class Driver:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr[-3000:]
         self.library = ctypes.CDLL(str(target))
+        self.library.scene_read.restype = ctypes.c_void_p
         self.library.scene_open.restype = ctypes.c_void_p
 
     def __call__(self, name: str, *columns: ArrayLike, scene: int | None = None) -> Array:
@@ -108,9 +108,10 @@ class Driver:
             file = self.folder / "scene.xml"
             file.write_text(SCENE.format(body))
         way = (ESTIMATORS[estimator], HEMISPHERES[hemisphere], CHOICES[choice], POINTS[points], int(schlick))
-        opened = self.library.scene_open(str(file).encode(), *way)
+        description = ctypes.c_void_p(self.library.scene_read(str(file).encode()))
+        opened = self.library.scene_open(description, *way)
         yield opened
-        self.library.scene_close(ctypes.c_void_p(opened))
+        self.library.scene_close(ctypes.c_void_p(opened), description)
 
     def light_count(self, scene: int) -> int:
         return self.library.light_count(ctypes.c_void_p(scene))

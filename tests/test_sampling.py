@@ -90,14 +90,21 @@ def test_the_wrong_density_is_noticed(driver: Driver) -> None:
     assert map_p(driver, "hemisphere_cosine", 0) < LEVEL
 
 
-@pytest.mark.parametrize(("name", "kind"), [("square", "rectangle"), ("disk", "disk")])
-def test_points_fill_the_square_and_the_disk_evenly(driver: Driver, name: str, kind: str) -> None:
-    chart, shape = Flat(kind, (0, 0, 0), (1, 0, 0), (0, 1, 0)), (20, 20)
+AREAS = {
+    "square": Flat("rectangle", (0, 0, 0), (1, 0, 0), (0, 1, 0)),
+    "disk": Flat("disk", (0, 0, 0), (1, 0, 0), (0, 1, 0)),
+    "triangle": Flat("triangle", (-1 / 3, -1 / 3, 0), (1, 0, 0), (0, 1, 0)),
+}
+
+
+@pytest.mark.parametrize("name", AREAS)
+def test_points_fill_their_shape_evenly(driver: Driver, name: str) -> None:
+    chart, shape = AREAS[name], (20, 20)
     counts = np.bincount(cell(chart.of_points(driver(name, uniforms(SAMPLES, 2))[:3]), shape), minlength=400)
     assert plausible(chi_squared(counts, np.full(400, SAMPLES / 400)))
 
 
-@pytest.mark.parametrize("name", [*MAPS, "square", "disk"])
+@pytest.mark.parametrize("name", [*MAPS, *AREAS])
 def test_the_density_is_one_over_the_jacobian(driver: Driver, name: str) -> None:
     entry, extent = name.split("-")[0], MAPS.get(name, (0, 0, 0, 1.0))[3]
     places = uniforms(2000, 3, low=0.02, high=0.98)
@@ -147,6 +154,12 @@ def tilted(kind: str, slant: float) -> Flat:
     return Flat(kind, (0.3, -0.2, 1.5), (0.5, 0.1, 0), (slant, -0.6, 0.2))
 
 
+# Two triangles, of which the second is looked at.
+PANE = shape("obj", "", f'<string name="filename" value="{ROOT}/tests/meshes/pane.obj"/>')
+PANES = [
+    Flat("triangle", (0.8, -0.7, 1.6), (-1.4, 0.4, 0.4), (-1.3, 1.6, 0.2)),
+    Flat("triangle", (0.8, -0.7, 1.6), (-1.3, 1.6, 0.2), (-0.1, 1.2, -0.1)),
+]
 CUBE = shape("cube", '<scale value="0.4"/><translate x="0.1" y="0.2" z="1.5"/>')
 
 
@@ -237,6 +250,7 @@ CASES = [
         Flat("rectangle", (0.1, 0.2, 1.1), (0.4, 0, 0), (0, 0.4, 0)),
         light=5,
     ),
+    Case("triangle", PANE, "cone", PANES[1], light=1, order=24),
     sphere_case("sphere-by-area", "area", (0.6, -0.8, 2), 0.9),
     sphere_case("sphere-facing", "facing", (0.6, -0.8, 2), 0.9),
     sphere_case("sphere-by-cone", "cone", (0.6, -0.8, 2), 0.9),
@@ -721,6 +735,23 @@ def test_a_flat_light_shines_by_the_cosine_from_everywhere(driver: Driver, name:
     np.testing.assert_allclose(flux, np.pi * area, rtol=1e-13)
 
 
+def test_a_mesh_shines_by_the_cosine_from_everywhere(driver: Driver) -> None:
+    """Its triangles by their areas, each of them evenly; flux πL ΣA."""
+    with driver.scene(PANE, estimator="light", choice="power") as scene:
+        out = driver("emit", np.arange(SAMPLES), scene=scene)
+        slots = [driver.light_slot(scene, light) for light in range(driver.light_count(scene))]
+    across = [np.cross(pane.x, pane.y) for pane in PANES]
+    areas = np.linalg.norm(across, axis=1) / 2
+    counts = np.array([np.sum(out[6] == slot) for slot in slots])
+    assert plausible(chi_squared(counts, SAMPLES * areas / areas.sum()))
+    for slot, pane, normal in zip(slots, PANES, across, strict=True):
+        o, d = out[:3, out[6] == slot], out[3:6, out[6] == slot]
+        z, angle = about(column(normal) / np.linalg.norm(normal), d)
+        assert (z > 0).all()
+        assert plausible(even_p(np.vstack([pane.of_points(o), z**2, angle]), (5, 5, 4, 4)))
+    np.testing.assert_allclose(out[7:], np.pi * areas.sum(), rtol=1e-13)
+
+
 @pytest.mark.parametrize("inwards", [False, True], ids=["outwards", "inwards"])
 def test_a_sphere_shines_by_the_cosine_from_everywhere(driver: Driver, inwards: bool) -> None:
     o, d, flux = emitted(driver, ball(0.1, -0.2, 0.3, 2, INWARDS if inwards else ""))
@@ -821,7 +852,7 @@ def agree(driver: Driver, wide: list[Driver], ask, tolerance: float) -> None:
     assert near.mean() > 0.998
 
 
-@pytest.mark.parametrize("name", [*MAPS, "disk"])
+@pytest.mark.parametrize("name", [*MAPS, "disk", "triangle"])
 def test_lanes_and_single_precision_give_the_same_directions(
     driver: Driver, wide: list[Driver], name: str
 ) -> None:
