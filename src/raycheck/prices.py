@@ -161,7 +161,7 @@ def measure(task: Task, spp: int, seed: int) -> Measurement:
         output = Path(folder) / "out.exr"
         words = [*task.renderer.arguments(task.path, output, spp, seed), "--stats", "-"]
         try:
-            done = subprocess.run(words, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
         except OSError as error:
             raise renderers.NotFound(f"{words[0]}: cannot be started: {error.strerror}") from None
         if done.returncode:
