@@ -156,11 +156,14 @@ def most_efficient_first(prices: Sequence[Price]) -> list[Price]:
 
 
 def measure(task: Task, spp: int, seed: int) -> Measurement:
-    """Render once with oneray; RenderError if it cannot."""
+    """Render once with oneray; RenderError if it cannot, NotFound if it cannot be started."""
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         output = Path(folder) / "out.exr"
         words = [*task.renderer.arguments(task.path, output, spp, seed), "--stats", "-"]
-        done = subprocess.run(words, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+        try:
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise renderers.NotFound(f"{words[0]}: cannot be started: {error.strerror}") from None
         if done.returncode:
             said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
             raise renderers.RenderError(f"{task.label}, {task.technique}: {said}")
