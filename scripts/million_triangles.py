@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -11,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from test_meshes import ball, scene, write_ply  # noqa: E402
+from test_meshes import ball, scene, statistics, write_ply  # noqa: E402
 
 
 def main() -> None:
@@ -23,17 +21,7 @@ def main() -> None:
                 points, faces = ball(rings)
                 write_ply(Path(folder) / "ball.ply", points, faces)
                 file = scene(Path(folder) / "scene.xml", "ball.ply", size=256, depth=4)
-                command = [
-                    ROOT / "build/oneray",
-                    file,
-                    "--spp",
-                    "16",
-                    "--precision",
-                    precision,
-                    "--stats",
-                    "-",
-                ]
-                stats = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+                stats = statistics(ROOT / "build/oneray", file, "--spp", "16", "--precision", precision)
                 seconds, peak = stats["seconds"], stats["peak_memory_bytes"]
                 least = least or peak
                 rays = (stats["rays"] + stats["shadow_rays"]) / seconds["render"] / 1e6

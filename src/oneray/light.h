@@ -347,6 +347,12 @@ INLINE void sample_near_light(
     Real cosine = -vec_dot(normal, s->wi);
     Real inverse = inverse_pdf_w_point(lights, i, distance_squared, cosine, &sphere, &rectangle, f);
     Mask shines = area & (cosine > real(0));
+    if (f & (HAS_FLAT_LIGHT | HAS_TRIANGLE_LIGHT)) { /* none sees itself, however its cosine is rounded */
+        Mask itself = index_of_light(lights->slot, i, f) == at->slot;
+        if (f & HAS_SPHERE_LIGHT)
+            itself = and_not(itself, light_is(lights, SITE_SPHERE, i, f));
+        shines = and_not(shines, itself);
+    }
     if (f & USE_CONE) {
         sample_sphere_cone(lights, i, &sphere, u, v, s, f);
         shines = index_select(sphere.outside, of_light(lights->radius, i, f) > real(0), shines);
