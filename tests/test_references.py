@@ -111,8 +111,8 @@ def test_references_and_tests_use_different_seeds() -> None:
 
 @pytest.mark.parametrize("name", references.scene_names())
 def test_standard_errors_are_small_enough(name: str) -> None:
-    """A quarter of those of a thorough test of 0.3 % (image) and 1 % (tiles); a half beside a closed form. Where
-    the closed form has every pixel the reference is only its check.
+    """A quarter of those of a thorough test of 0.3 % (image) and 1 % (tiles); a half beside a closed form.
+    Where that has every pixel the reference is only its check.
     """
     reference = references.load_reference(name)
     image, tiles = relative_errors(reference.mean, reference.variance_of_mean)
