@@ -75,11 +75,14 @@ def test_malformed_meshes(sanitized: Path, tmp_path: Path, monkeypatch: pytest.M
     """Each mesh file with a fault, and beginnings of good ones. What an error leaves behind is no leak."""
     monkeypatch.setenv("ASAN_OPTIONS", "detect_leaks=0")
     files = {name: data for name, (data, _) in MALFORMED_MESHES.items()}
+    may_be_whole: set[str] = set()
     for good in sorted((ROOT / "tests/meshes").iterdir()):
         data = good.read_bytes()
-        files |= {f"{cut}-{good.name}": data[: len(data) * cut // 24] for cut in range(24)}
+        parts = {f"{cut}-{good.name}": data[: len(data) * cut // 24] for cut in range(24)}
+        files |= parts
+        may_be_whole |= set(parts) if good.suffix == ".obj" else set()  # it has no header that says how long
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
         scene = scene_of_mesh(tmp_path / "scene.xml", name, size=2)
         done = run(sanitized, scene, "-o", tmp_path / "out.exr", "--spp", "1")
-        assert done.returncode == 2 or name.endswith("gem.obj"), name
+        assert done.returncode == 2 or (name in may_be_whole and done.returncode == 0), name
