@@ -108,7 +108,7 @@ references: $(BUILD)/.system-test $(VENV)/.test
 
 thorough: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
-	$(RAYCHECK) verify --thorough --json references/verification.json
+	$(RAYCHECK) verify --thorough --resume --json references/verification.json
 
 techniques: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all

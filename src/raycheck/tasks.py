@@ -87,7 +87,11 @@ def oneray_agenda(
     if cover:
         pairs = _cover(pairs)
     if variants:
-        pairs += [(of, _standard(of)) for of in references.ladder() if of.parameters]
+        for of in (of for of in references.ladder() if of.parameters):
+            if references.is_fresh(of):
+                pairs.append((of, _standard(of)))
+            else:
+                agenda.left_out[of.label] = f"there is no fresh reference; make it with: {of.renew_command}"
     for of, one in pairs:
         command = renderers.oneray_command(oneray, one.options, of.parameters)
         agenda.tasks.append(Task(of, one.name, command, of.path))
