@@ -133,8 +133,7 @@ def judge(
     p = st.two_set_p(one, two, allowance)
     heavy = _heavy(one) | _heavy(two)
     p = np.where(heavy, 1.0, p)
-    p_image = st.holm(p[0])
-    p_tile = st.holm(p[1:])
+    p_image, p_tile = st.holm(p[0]), st.holm(p[1:])
     p_omnibus = _omnibus(first, second, one, two, expected, heavy)
     fails = (
         p_image.min(initial=1.0) <= SHARE_IMAGE * alpha
