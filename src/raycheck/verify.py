@@ -55,7 +55,7 @@ QUICK_SECONDS = 90.0
 QUICK_CASE_SECONDS = 20.0
 THOROUGH_IMAGE = 0.0027
 """Detectable bias of the image that a thorough case plans for, so that chance leaves it below 0.3 %."""
-FINE_SECONDS, THOROUGH_SECONDS = 8.0, 75.0
+FINE_SECONDS, THOROUGH_SECONDS = 8.0, 300.0
 """A thorough case takes up to the second to see a bias of 0.3 % of the image, and up to the first to see
 smaller ones and 1 % of most tiles.
 """
