@@ -49,6 +49,14 @@ typedef uint64_t Word;
 
 #define INLINE static inline __attribute__((always_inline, unused))
 
+/* A larger step: part of each specialised instance, where the feature mask is a constant and what it lacks folds
+   away; in the generic kernel a function that all calls share. */
+#ifdef SPECIALISED
+#define STAGE INLINE
+#else
+#define STAGE static __attribute__((unused))
+#endif
+
 #if LANES == 1
 typedef Num Real;
 typedef Int Index;
@@ -217,7 +225,7 @@ INLINE Index real_floor(Real a)
 
 /* sine and cosine of 2π u, 0 <= u < 1. The angle is folded to an eighth of a turn either side of the nearest
    quarter; there the Taylor series reach 1e-17 (double: x^15, x^16) or 1e-8 (single: x^7, x^8). */
-INLINE void sincos_turn(Real u, Real *sine, Real *cosine)
+STAGE void sincos_turn(Real u, Real *sine, Real *cosine)
 {
     Real quarters = real(4) * u;
     Index quarter = real_floor(quarters + real(0.5));
@@ -247,7 +255,7 @@ INLINE void sincos_turn(Real u, Real *sine, Real *cosine)
 
 /* The angle of (x, y) in [0, π], for y >= 0, not both 0. Halving the angle twice, tan(a/2) = t/(1+√(1+t²)),
    brings it below π/16, where the series of the arctangent reaches 1e-17 at t^21. */
-INLINE Real angle_of(Real y, Real x)
+STAGE Real angle_of(Real y, Real x)
 {
     Mask steep = y > real_abs(x);
     Real t = select(steep, real_abs(x) / y, y / real_abs(x));

@@ -55,7 +55,7 @@ INLINE Real uniform_of(Bits word)
 #endif
 }
 
-INLINE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
 {
     Bits a = (Bits)(vertex * 2 + dimension), b = rng->sample_low, c = rng->pixel, d = rng->sample_high;
     uint32_t key_0 = rng->key[0], key_1 = rng->key[1];
