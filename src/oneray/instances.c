@@ -7,12 +7,20 @@
 #endif
 
 #define ROOM (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT)
-#define LIGHT (USE_NEE | USE_MIS | USE_COSINE)
+#define ROUND (HAS_SPHERE | HAS_DISK)
+#define SPECULAR (HAS_CONDUCTOR | HAS_FRESNEL | HAS_DIELECTRIC)
+#define CHOICE (HAS_MANY_LIGHTS | USE_CONTRIBUTION)
+#define MIS (USE_NEE | USE_MIS | USE_COSINE)
 
 /* clang-format off */
 #define LIST(X)                                                                                              \
-    X(direct,         ROOM | LIGHT | USE_SOLID_ANGLE)                                                        \
-    X(room,           ROOM | LIGHT | USE_SOLID_ANGLE | USE_ROULETTE)
+    X(direct,         ROOM | MIS | USE_SOLID_ANGLE)                                                          \
+    X(room,           ROOM | MIS | USE_SOLID_ANGLE | USE_ROULETTE)                                           \
+    X(ball,           ROOM | MIS | USE_CONE | HAS_SPHERE | HAS_SPHERE_LIGHT | USE_ROULETTE)                  \
+    X(glass,          ROOM | MIS | USE_SOLID_ANGLE | ROUND | SPECULAR | USE_ROULETTE)                        \
+    X(many,           ROOM | MIS | USE_SOLID_ANGLE | CHOICE | HAS_TREE | USE_ROULETTE)                       \
+    X(mesh,           ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH | USE_ROULETTE)               \
+    X(walk,           ROOM | USE_COSINE | ROUND | USE_ROULETTE)
 /* clang-format on */
 
 #define X(name, set)                                                                                         \

@@ -32,6 +32,7 @@ typedef uint32_t Word;
 #define SQRT sqrtf
 #define VECTOR_SQRT(prefix) prefix##_sqrt_ps
 #define VECTOR_BITS(prefix) prefix##_movemask_ps
+#define VECTOR_BLEND(prefix) prefix##_blendv_ps
 #define MASK_BITS_512 _mm512_movepi32_mask
 #else
 typedef double Num;
@@ -42,6 +43,7 @@ typedef uint64_t Word;
 #define SQRT sqrt
 #define VECTOR_SQRT(prefix) prefix##_sqrt_pd
 #define VECTOR_BITS(prefix) prefix##_movemask_pd
+#define VECTOR_BLEND(prefix) prefix##_blendv_pd
 #define MASK_BITS_512 _mm512_movepi64_mask
 #endif
 #define VECTOR_BYTES (LANES * NUM_BYTES)
@@ -122,9 +124,13 @@ INLINE Mask mask_all(void) { return (Mask){0} - 1; }
 INLINE Mask mask_not(Mask m) { return ~m; }
 INLINE Real select(Mask m, Real a, Real b)
 {
+#if VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)VECTOR_BLEND(_mm256)(b, a, (Real)m);
+#else
     return bits_real(((Bits)m & real_bits(a)) | (~(Bits)m & real_bits(b)));
+#endif
 }
-INLINE Index index_select(Mask m, Index a, Index b) { return (m & a) | (~m & b); }
+INLINE Index index_select(Mask m, Index a, Index b) { return (Index)select(m, (Real)a, (Real)b); }
 #endif
 
 /* A bit a lane, lane 0 lowest. */

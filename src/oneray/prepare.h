@@ -130,7 +130,7 @@ static void *prepare(const Description *d, const Technique *technique)
     prepare_lights(scene, d, technique, first_slot);
     prepare_camera(&scene->camera, &d->sensor);
     scene->max_depth = d->max_depth < 0 || d->max_depth > PATH_LIMIT ? PATH_LIMIT : (Int)d->max_depth;
-    scene->rr_depth = d->rr_depth;
+    scene->rr_depth = scene->features & USE_ROULETTE ? d->rr_depth : PATH_LIMIT;
     scene->width = d->sensor.width;
     scene->height = d->sensor.height;
     free(first_slot);

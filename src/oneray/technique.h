@@ -74,7 +74,7 @@ FEATURES(X)
    others an instance may have more than the scene needs. */
 #define EITHER_WAY                                                                                           \
     (USE_NEE | USE_MIS | USE_BALANCE | USE_SURVIVAL_PDF | USE_CONTRIBUTION | USE_LEARNED | USE_FACING        \
-        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_ROULETTE | USE_SCHLICK | USE_LIGHT_PATHS             \
+        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_SCHLICK | USE_LIGHT_PATHS                            \
         | HAS_HIDDEN)
 #define EVERY_FEATURE (((Features)1 << FEATURE_COUNT) - 1)
 
