@@ -1,26 +1,26 @@
 /* The specialised instances: which features each is compiled for. The first that serves a scene and technique
-   renders it, the generic kernel what none serves. A new one is a line of the list. */
+   renders it, the generic kernel what none serves; one with more than a scene has serves it too. A new one is a line of the list. */
 #include "trace.h"
 
 #if !defined(INSTANCES) || !defined(SPECIALISED)
 #error "INSTANCES: the name of the table that this compilation defines; SPECIALISED: all of it inline"
 #endif
 
-#define ROOM (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT)
+#define ROOM (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT | USE_ROULETTE)
 #define ROUND (HAS_SPHERE | HAS_DISK)
-#define SPECULAR (HAS_CONDUCTOR | HAS_FRESNEL | HAS_DIELECTRIC)
 #define CHOICE (HAS_MANY_LIGHTS | USE_CONTRIBUTION)
 #define MIS (USE_NEE | USE_MIS | USE_COSINE)
 
 /* clang-format off */
 #define LIST(X)                                                                                              \
-    X(direct,         ROOM | MIS | USE_SOLID_ANGLE)                                                          \
-    X(room,           ROOM | MIS | USE_SOLID_ANGLE | USE_ROULETTE)                                           \
-    X(ball,           ROOM | MIS | USE_CONE | HAS_SPHERE | HAS_SPHERE_LIGHT | USE_ROULETTE)                  \
-    X(glass,          ROOM | MIS | USE_SOLID_ANGLE | ROUND | SPECULAR | USE_ROULETTE)                        \
-    X(many,           ROOM | MIS | USE_SOLID_ANGLE | CHOICE | HAS_TREE | USE_ROULETTE)                       \
-    X(mesh,           ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH | USE_ROULETTE)               \
-    X(walk,           ROOM | USE_COSINE | ROUND | USE_ROULETTE)
+    X(room,   ROOM | MIS | USE_SOLID_ANGLE)                                                                  \
+    X(ball,   ROOM | MIS | USE_CONE | HAS_SPHERE | HAS_SPHERE_LIGHT)                                         \
+    X(mirror, ROOM | MIS | USE_SOLID_ANGLE | ROUND | HAS_CONDUCTOR)                                          \
+    X(glass,  ROOM | MIS | USE_SOLID_ANGLE | ROUND | HAS_CONDUCTOR | HAS_DIELECTRIC)                         \
+    X(many,   ROOM | MIS | USE_SOLID_ANGLE | CHOICE | HAS_TREE)                                              \
+    X(mesh,   ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE)                                                   \
+    X(smooth, ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH)                                      \
+    X(walk,   ROOM | USE_COSINE | ROUND)
 /* clang-format on */
 
 #define X(name, set)                                                                                         \

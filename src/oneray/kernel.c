@@ -17,7 +17,7 @@ static Instance instance_for(Features wanted)
 {
 #ifdef INSTANCES
     for (const Instance *i = INSTANCES; i->name; i++)
-        if (!(wanted & ~i->set) && (wanted & EITHER_WAY) == (i->set & EITHER_WAY))
+        if (!(wanted & ~i->set) && (wanted & EXACTLY) == (i->set & EXACTLY))
             return *i;
 #endif
     return (Instance){"generic", wanted, render_generic};

@@ -70,12 +70,12 @@ typedef uint64_t Features;
 FEATURES(X)
 #undef X
 
-/* The bits that choose between two ways, where an instance must have what is asked for and no more; of the
-   others an instance may have more than the scene needs. */
-#define EITHER_WAY                                                                                           \
+/* The bits that an instance must have as asked, no more and no less: those that choose between two ways, and
+   those that go with tables which other scenes do not have. */
+#define EXACTLY                                                                                              \
     (USE_NEE | USE_MIS | USE_BALANCE | USE_SURVIVAL_PDF | USE_CONTRIBUTION | USE_LEARNED | USE_FACING        \
-        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_SCHLICK | USE_LIGHT_PATHS                            \
-        | HAS_HIDDEN)
+        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_SCHLICK | USE_LIGHT_PATHS | HAS_HIDDEN               \
+        | HAS_TREE | HAS_TRIANGLE | HAS_SMOOTH | HAS_FRESNEL | HAS_DIELECTRIC | HAS_BLEND)
 #define EVERY_FEATURE (((Features)1 << FEATURE_COUNT) - 1)
 
 #endif
