@@ -77,7 +77,8 @@ static const char usage[] =
 static const char usage_end[] =
     "  --samples FIRST:COUNT  only these samples of each pixel, into --film PART.film; `oneray merge`\n"
     "                         joins the parts to the very picture that one run would have made\n"
-    "  --precision double*|single\n"
+    "  --precision auto*|double|single\n"
+    "                         auto: single where the scene's sizes, gaps, lights and depth allow it\n"
     "  --lanes auto*|N        paths at once; the bits do not depend on it\n"
     "  --kernel auto*|generic specialised for what the scene has, or the general one; the same bits\n"
     "  --stats FILE|-         figures as JSON (- for standard output)\n"
@@ -193,10 +194,11 @@ static void with_word(Options *o, int given[CHOICES], const char *name, const ch
         o->film = word;
     else if (!strcmp(name, "--stats"))
         o->stats = word;
-    else if (!strcmp(name, "--precision") && (!strcmp(word, "double") || !strcmp(word, "single")))
+    else if (!strcmp(name, "--precision")
+             && (!strcmp(word, "auto") || !strcmp(word, "double") || !strcmp(word, "single")))
         o->precision = word;
     else if (!strcmp(name, "--precision"))
-        die("--precision %s is not supported (double, single)", word);
+        die("--precision %s is not supported (auto, double, single)", word);
     else if (!strcmp(name, "--kernel") && (!strcmp(word, "auto") || !strcmp(word, "generic")))
         o->generic = !strcmp(word, "generic");
     else if (!strcmp(name, "--kernel"))
@@ -222,6 +224,15 @@ static void check_technique(const Technique *t, const int given[CHOICES])
         die("--mis-pdf survival: with --roulette none every path survives");
 }
 
+const Kernel *options_kernel(const Options *o)
+{
+    const Kernel *kernel = kernel_find(o->precision, o->lanes);
+    if (!kernel)
+        die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)",
+            o->lanes, o->precision);
+    return kernel;
+}
+
 /* What can be seen to make no sense before the scene is read. `given` is -1 for an option that was not. */
 static void check_given(Options *o, const int given[CHOICES])
 {
@@ -238,9 +249,8 @@ static void check_given(Options *o, const int given[CHOICES])
         die("--film writes a part; `oneray merge PART.film ... -o OUT.exr` makes the picture");
     if (!o->film && !o->output && !o->stats)
         die("nothing to do: give -o OUT.exr (or --stats - for the figures alone)");
-    if (!kernel_find(o->precision, o->lanes))
-        die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)",
-            o->lanes, o->precision);
+    if (strcmp(o->precision, "auto"))
+        options_kernel(o);
 }
 
 static void flag(Options *options, const char *word)
@@ -278,7 +288,7 @@ Options options_read(int count, char **words)
 {
     Options o = {0};
     int given[CHOICES];
-    o.precision = "double";
+    o.precision = "auto";
     for (int i = 0; i < CHOICES; i++)
         given[i] = -1;
     for (int i = 1; i < count; i++) {
