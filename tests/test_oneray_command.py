@@ -193,7 +193,7 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ([BOX, "-Ddepth=3", "-Ddepth=4", "-o", "out.exr"], "is given twice"),
         ([BOX, "-Ddepth", "-o", "out.exr"], "-Dname=value is wanted"),
         ([BOX, "--lanes", "3", "-o", "out.exr"], "no such kernel"),
-        ([BOX, "--precision", "half", "-o", "out.exr"], "is not supported (double, single)"),
+        ([BOX, "--precision", "half", "-o", "out.exr"], "is not supported (auto, double, single)"),
         ([BOX, "--samples", "0:4", "-o", "out.exr"], "--samples and --film go together"),
         ([BOX, "--samples", "4", "--film", "a.film"], "FIRST:COUNT is wanted"),
         ([BOX, "--bounces", "4", "-o", "out.exr"], "--bounces is no option"),
