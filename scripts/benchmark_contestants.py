@@ -46,6 +46,8 @@ class Render:
     """With shadow rays; None where the renderer does not count."""
     memory: int
     """Peak of its process so far, bytes."""
+    kernel: str
+    """What ran it."""
 
     @property
     def paths(self) -> int:
@@ -98,7 +100,8 @@ class Oneray:
             stats = json.loads(done.stdout)
             took = stats["seconds"]
             return Render(load_image(picture).pixels, spp, took["render"], took["load"] + took["build"],
-                          stats["rays"] + stats["shadow_rays"], stats["peak_memory_bytes"])  # fmt: skip
+                          stats["rays"] + stats["shadow_rays"], stats["peak_memory_bytes"],
+                          f"{stats['kernel']}, {stats['precision']}, {stats['lanes']} lanes")  # fmt: skip
 
 
 @dataclass
@@ -130,7 +133,8 @@ class Mitsuba:
         picture = self._scratch / "image.npy"
         answer = self._ask({"render": spp, "seed": seed, "save": str(picture)})
         image = np.load(picture).astype(np.float64)
-        return Render(image, answer["spp"], answer["seconds"], self.load_seconds, None, answer["memory"])
+        return Render(image, answer["spp"], answer["seconds"], self.load_seconds, None,
+                      answer["memory"], f"{self.variant}, {self.sampler}")  # fmt: skip
 
     def close(self) -> None:
         if self._process is not None:
@@ -181,7 +185,8 @@ def oneray_help() -> str:
 
 def oneray_contestants(offer: str, options: tuple[str, ...], learned: bool) -> list[Contestant]:
     """The precisions, then what `offer`, the text of --help, has beyond them."""
-    def one(name: str, *words: str) -> Oneray:  # fmt: skip
+
+    def one(name: str, *words: str) -> Oneray:
         return Oneray(f"oneray {name}", (*words, *options))
 
     def line(option: str) -> str:
@@ -231,4 +236,5 @@ def startup_mitsuba(variant: str, scene: Path, cold: bool) -> dict[str, float]:
         again = one.render(1, 2).seconds
     finally:
         one.close()
-    return {"total": total, "import": one.started, "load": one.load_seconds, "compile": max(0.0, first - again)}
+    compiling = max(0.0, first - again)
+    return {"total": total, "import": one.started, "load": one.load_seconds, "compile": compiling}

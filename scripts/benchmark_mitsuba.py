@@ -1,9 +1,9 @@
-"""Mitsuba in a process of its own, for scripts/benchmark.py: commands as lines of JSON in, answers as lines out.
+"""Mitsuba in a process of its own, for scripts/benchmark.py: commands as lines of JSON in, answers out.
 
     python scripts/benchmark_mitsuba.py VARIANT
 
-{"load": FILE} and {"render": SPP, "seed": SEED, "save": FILE.npy or null}. One thread. A crash ends this process
-alone, and its peak memory is Mitsuba's and Python's, nothing else's.
+{"load": FILE} and {"render": SPP, "seed": SEED, "save": FILE.npy or null}. One thread. A crash ends this
+process alone, and its peak memory is Mitsuba's and Python's, nothing else's.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 
 
 def peak_memory() -> int:
-    """Bytes; this process's own (ru_maxrss would begin with the parent's), 0 where the system does not say."""
+    """Bytes; this process's own (ru_maxrss begins with the parent's), 0 where the system does not say."""
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.is_file() else []
     return next((int(x.split()[1]) * 1024 for x in lines if x.startswith("VmHWM")), 0)

@@ -1,7 +1,7 @@
 """Scenes of the benchmark: files that oneray and Mitsuba both read, written into build/benchmark/.
 
-Those of scenes/ are taken with another resolution and depth; the rest is made here from numbers alone. The same
-call always writes the same scene.
+Those of scenes/ are taken with another resolution and depth; the rest is made here from numbers alone. The
+same call always writes the same scene.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -114,7 +115,6 @@ def film(text: str, size: int) -> str:
 def deep(text: str, depth: int, rr_depth: int | None = None) -> str:
     """Another depth, and another depth from which paths may end by roulette."""
     text = re.sub(r'(<default name="depth" value=)"-?\d+"', rf'\1"{depth}"', text)
-    text = re.sub(r'(name="max_depth" value=)"-?\d+"', rf'\1"{depth}"', text) if "$depth" not in text else text
     return text if rr_depth is None else re.sub(r'(name="rr_depth" value=)"\d+"', rf'\1"{rr_depth}"', text)
 
 
@@ -156,7 +156,7 @@ def thousand_lights(folder: Path) -> Path:
 
 
 def hall(folder: Path, lights: int, size: int = 64) -> Path:
-    """The hall of scenes/thousand-lights.xml with `lights` lamps on the same area, of the same area in all."""
+    """The hall of scenes/thousand-lights.xml with `lights` lamps, of the same area in all."""
     columns = max(1, round(math.sqrt(1.6 * lights)))
     rows = math.ceil(lights / columns)
     half = 0.035 * math.sqrt(1000 / lights)
@@ -169,9 +169,10 @@ def hall(folder: Path, lights: int, size: int = 64) -> Path:
 
 
 def displaced_ball(rings: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """A closed ball with bumps of three sizes: vertices (V, 3) and 4·rings·(rings − 1) outward triangles."""
+    """A closed ball with bumps of three sizes: vertices (V, 3), 4·rings·(rings − 1) outward triangles."""
     side = 2 * rings
-    theta, phi = np.meshgrid(np.pi * np.arange(1, rings) / rings, np.pi * np.arange(side) / rings, indexing="ij")
+    step = np.pi / rings
+    theta, phi = np.meshgrid(step * np.arange(1, rings), step * np.arange(side), indexing="ij")
     around = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
     points = np.concatenate([around.reshape(-1, 3), [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
     bumps = (0.3 / f * np.prod(np.sin(points * [f, f + 1, f - 1] + f), axis=1) for f in (4, 11, 29))
@@ -199,6 +200,7 @@ def rings_for(triangles: int) -> int:
     return max(2, round((1 + math.sqrt(1 + triangles)) / 2))
 
 
+@cache
 def ball(folder: Path, triangles: int, size: int = 128) -> Path:
     """A displaced ball on a floor under a lamp."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -212,10 +214,13 @@ SCENES = (
     BenchScene("cornell-8", "Cornell box, depth 8, roulette", lambda f: cornell(f, 8)),
     BenchScene("cornell-8-no-roulette", "Cornell box, depth 8, no roulette", lambda f: cornell(f, 8, False),
                ("--roulette", "none"), roulette=False),
-    BenchScene("sphere-light", "sphere light and a block in the open, direct light", sphere_light, roulette=False),
+    BenchScene("sphere-light", "sphere light and a block in the open, direct light", sphere_light,
+               roulette=False),
     BenchScene("glass-box", "Cornell box with mirror and glass balls, depth 12, roulette", glass_box),
-    BenchScene("thousand-lights", "1,000 lights, direct light", thousand_lights, roulette=False, learned=True),
-    BenchScene("ball-100k", "displaced ball of 100,000 triangles, depth 6, roulette", lambda f: ball(f, 100_000)),
+    BenchScene("thousand-lights", "1,000 lights, direct light", thousand_lights, roulette=False,
+               learned=True),
+    BenchScene("ball-100k", "displaced ball of 100,000 triangles, depth 6, roulette",
+               lambda f: ball(f, 100_000)),
     BenchScene("ball-1m", "displaced ball of 1,000,000 triangles, depth 6, roulette",
                lambda f: ball(f, 1_000_000)),
 )  # fmt: skip
