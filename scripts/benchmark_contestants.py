@@ -206,15 +206,22 @@ def oneray_contestants(offer: str, options: tuple[str, ...], learned: bool) -> l
 
 
 def spp_for(contestant: Contestant, seconds: float, square: bool = False) -> int:
-    """Samples per pixel that take about so long; the first render, which may compile, does not count."""
-    spp = 1
-    contestant.render(spp, 1)
-    while True:
-        took = max(contestant.render(spp, 2).seconds, 1e-6)
-        if took >= seconds / 4 or spp >= MOST_SPP:
-            break
-        spp = min(MOST_SPP, max(2 * spp, min(64 * spp, int(spp * seconds / took / 2))))
-    wanted = min(MOST_SPP, max(1, round(spp * seconds / took)))
+    """Samples per pixel that take about so long; longer, up to eight times, where a render costs much before
+    its first sample, so that this is a fifth of it. What compiles is rendered once before it is timed.
+    """
+
+    def timed(spp: int) -> float:
+        contestant.render(spp, 1)
+        return contestant.render(spp, 2).seconds
+
+    spp, once = 1, timed(1)
+    took = once
+    while took < seconds / 4 + once and spp < MOST_SPP:
+        spp = min(MOST_SPP, max(4 * spp, min(64 * spp, int(spp * seconds / took / 2))))
+        took = timed(spp)
+    each = max(took - once, 1e-9) / max(1, spp - 1)
+    fixed = max(0.0, once - each)
+    wanted = min(MOST_SPP, max(1, round(min(max(seconds, 4 * fixed), 8 * seconds) / each)))
     return max(1, round(wanted**0.5)) ** 2 if square else wanted
 
 

@@ -13,7 +13,7 @@ from benchmark_contestants import FOLDER, Contestant, Failed, Mitsuba, Oneray
 from benchmark_measure import BASELINE, VARIANTS, Log
 from benchmark_scenes import ball, cornell, hall
 
-LEAST_SECONDS, MOST_REPEATS = 0.3, 5
+LEAST_REPEATS, MOST_REPEATS, LEAST_SECONDS = 2, 5, 0.3
 PATIENCE = 200.0
 """A contestant whose last point took longer than this many seconds in all is not asked for the next."""
 
@@ -72,7 +72,9 @@ def point(contestant: Contestant, axis: Axis, x: int) -> dict[str, float]:
     contestant.open(path)
     first = contestant.render(spp, 1)
     renders = []
-    while len(renders) < MOST_REPEATS and sum(one.seconds for one in renders) < LEAST_SECONDS:
+    while len(renders) < LEAST_REPEATS or (
+        len(renders) < MOST_REPEATS and sum(one.seconds for one in renders) < LEAST_SECONDS
+    ):
         renders.append(contestant.render(spp, 2 + len(renders)))
     render = statistics.median(one.seconds for one in renders)
     compiled = max(0.0, first.seconds - render) if isinstance(contestant, Mitsuba) else 0.0

@@ -58,6 +58,15 @@ def path_variances(renders: Sequence[Render]) -> list[float]:
     return [scale * float(((image - mean) ** 2).mean()) for image in images]
 
 
+def variance_error(renders: Sequence[Render]) -> float:
+    """Relative standard error of the variance over all renders; a few bright edges have most of it.
+
+    A pixel's s² of R normal values has variance 2σ⁴/(R − 1), whose estimate is 2s⁴/(R + 1).
+    """
+    each = np.stack([one.image for one in renders]).var(axis=0, ddof=1).mean(axis=2)
+    return math.sqrt(2 / (len(renders) + 1) * float((each**2).sum())) / float(each.sum() or 1)
+
+
 def mean_and_error(renders: Sequence[Render]) -> tuple[float, float]:
     """The mean of the pictures and its standard error, pixels taken for independent."""
     grey = np.stack([one.image.mean(axis=2) for one in renders])
@@ -175,6 +184,7 @@ def row(entry: Entry, baseline: Entry, rays_per_path: float | None) -> dict:
         "options": list(options),
         "kernel": entry.renders[0].kernel,
         "spp": entry.renders[0].spp,
+        "variance_error": variance_error(entry.renders),
         "mean": mean,
         "mean_error": error,
         "build_seconds": statistics.median(one.build for one in entry.renders),

@@ -17,9 +17,9 @@ from raycheck.renderers import NotFound
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
 
-from benchmark_contestants import Failed, Mitsuba, Oneray, Render, oneray_contestants  # noqa: E402
+from benchmark_contestants import Failed, Mitsuba, Oneray, Render, oneray_contestants, spp_for  # noqa: E402
 from benchmark_growth import exponent  # noqa: E402
-from benchmark_measure import Entry, best_of, path_variances, row, run_rounds, spread  # noqa: E402
+from benchmark_measure import Entry, best_of, path_variances, row, run_rounds, spread, variance_error  # noqa: E402
 from benchmark_scenes import SCENES, displaced_ball, rings_for  # noqa: E402
 from readme_benchmark import renewed  # noqa: E402
 
@@ -119,6 +119,43 @@ def test_variance_of_a_path() -> None:
     found = path_variances(rendered(images, 16))
     assert np.mean(found) == pytest.approx(1, rel=0.03)
     assert np.mean(found) == pytest.approx(16 * images.var(axis=0, ddof=1).mean() / images.mean() ** 2)
+
+
+def test_the_error_of_a_variance() -> None:
+    """It is how much variances of other pictures scatter, though a few pixels have most of it."""
+    scale = np.ones((16, 16, 1))
+    scale[0, :8] = 10
+    generator = np.random.default_rng(4)
+    trials = [rendered(1 + scale * generator.normal(0, 0.1, (5, 16, 16, 1)).repeat(3, axis=3), 1)
+              for _ in range(400)]  # fmt: skip
+    variances = [
+        np.mean([one.image for one in trial]) ** 2 * np.mean(path_variances(trial)) for trial in trials
+    ]
+    real = np.std(variances) / np.mean(variances)
+    assert np.sqrt(np.mean([variance_error(trial) ** 2 for trial in trials])) == pytest.approx(real, rel=0.15)
+
+
+class Slow:
+    """A renderer that takes `fixed` seconds before its first sample and `each` for one."""
+
+    name = "slow"
+
+    def __init__(self, fixed: float, each: float) -> None:
+        self.fixed, self.each = fixed, each
+
+    def open(self, scene: Path) -> None: ...
+    def close(self) -> None: ...
+
+    def render(self, spp: int, seed: int) -> Render:
+        return rendered(np.ones((1, 2, 2, 3)), spp, self.fixed + spp * self.each)[0]
+
+
+@pytest.mark.parametrize(
+    ("fixed", "each", "spp"), [(0, 0.01, 50), (0.2, 0.01, 80), (0, 1e-9, 4096), (9, 0.1, 40)]
+)
+def test_samples_for_a_time(fixed: float, each: float, spp: int) -> None:
+    """Half a second; four times what comes before the first sample; never more than four seconds."""
+    assert spp_for(Slow(fixed, each), 0.5) == pytest.approx(spp, abs=1)
 
 
 def test_exponent() -> None:

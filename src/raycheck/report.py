@@ -186,7 +186,7 @@ def speed_section(path: Path | None) -> dict | None:
         "scenes": [(scene, speed.rows(scene), speed.startup_lines(scene)) for scene in found["scenes"]],
         "columns": speed.COLUMNS,
         "plots": plots,
-        "keys": [Markup(curves.key(index)) for index in range(3)],
+        "marks": [Markup(curves.key(index)) for index in range(3)],
         "made_with": speed.made_with(found),
         "command": found["command"],
         "complete": found["complete"],

@@ -13,7 +13,7 @@ from raycheck.prices import number
 from raycheck.renderers import NotFound
 
 BASELINE = "mitsuba llvm"
-SHOWN = ("oneray double", "oneray single")
+SHOWN = ("mitsuba scalar", "oneray double", "oneray single")
 Spread = Mapping[str, float]
 
 
@@ -27,7 +27,7 @@ class Row:
 
 
 COLUMNS = (
-    "Mpaths/s", "× llvm", "Mrays/s", "variance", "1/(variance · time), × llvm", "peak MB", "mean, σ",
+    "Mpaths/s", "× llvm", "Mrays/s", "variance", "1/(variance · time), × llvm", "peak MB", "mean: σ off",
 )  # fmt: skip
 
 
@@ -64,7 +64,7 @@ def _row(one: Mapping) -> Row:
         text(figures["paths_per_second"], 1e-6),
         text(ratios.get("paths_per_second")),
         f"≈ {rays}" if one["rays_assumed"] else rays,
-        text(figures["variance"]),
+        f"{number(figures['variance']['median'])} ± {100 * one['variance_error']:.0f} %",
         text(ratios.get("efficiency")),
         number(one["peak_memory_bytes"] / 1e6),
         f"{one['difference']['sigmas']:+.1f}" if "difference" in one else "",
@@ -127,13 +127,16 @@ def _best_sampler(scene: Mapping) -> str:
 def markdown(found: Mapping) -> str:
     """The README's table: a row for each scene."""
     heads = ["", "Mitsuba llvm, Mpaths/s", *(f"{name}, times its paths/s" for name in SHOWN)]
-    heads += [*(f"{name}, times its efficiency" for name in SHOWN), "Mitsuba's best sampler"]
+    heads += [
+        *(f"{name}, times its efficiency" for name in SHOWN[1:]),
+        "llvm's best sampler, times its efficiency",
+    ]
     lines: list[Sequence[str]] = [heads, ["---"] * len(heads)]
     for scene in found["scenes"]:
         base, shown = _named(scene, BASELINE), [_named(scene, name) for name in SHOWN]
         line = [scene["about"], text(base.get("figures", {}).get("paths_per_second"), 1e-6)]
-        for key in ("paths_per_second", "efficiency"):
-            line += [text(one.get("ratios", {}).get(key)) for one in shown]
+        line += [text(one.get("ratios", {}).get("paths_per_second")) for one in shown]
+        line += [text(one.get("ratios", {}).get("efficiency")) for one in shown[1:]]
         lines.append([*line, _best_sampler(scene)])
     table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     return f"{table}\n\n{made_with(found)}; median (minimum … maximum) of {found['rounds']} rounds."
