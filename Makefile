@@ -3,6 +3,7 @@
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
+# make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 
 BUILD   ?= build
@@ -126,7 +127,8 @@ techniques: $(BUILD)/.system $(VENV)/.demo
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
-	$(PYTHON) scripts/benchmark.py
+	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
+	$(PYTHON) scripts/readme_benchmark.py
 
 clean:
 	rm -rf $(BUILD)
