@@ -103,6 +103,22 @@ INLINE Bits bits_of(uint64_t a)
 #endif
 }
 
+/* a·b of their low 32 bits: 32 bits of it (single) or all 64 (double). */
+INLINE Bits multiply_low(Bits a, Bits b)
+{
+#if defined(SINGLE)
+    return a * b;
+#elif VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return (Bits)_mm512_mul_epu32((__m512i)a, (__m512i)b);
+#elif VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Bits)_mm256_mul_epu32((__m256i)a, (__m256i)b);
+#elif VECTOR_BYTES == 16 && defined(__SSE2__)
+    return (Bits)_mm_mul_epu32((__m128i)a, (__m128i)b);
+#else
+    return (a & 0xFFFFFFFFu) * (b & 0xFFFFFFFFu);
+#endif
+}
+
 /* One lane's number, and setting it. */
 #if LANES == 1
 #define LANE(a, i) (a)

@@ -26,7 +26,7 @@ typedef struct { Real u[4]; } Uniforms;
 INLINE void multiply_32(Bits a, uint32_t by, Bits *high, Bits *low)
 {
 #if !defined(SINGLE)
-    Bits product = a * bits_of(by);
+    Bits product = multiply_low(a, bits_of(by));
     *high = product >> 32;
     *low = product & bits_of(LOW_32);
 #elif LANES == 1
@@ -55,10 +55,10 @@ INLINE Real uniform_of(Bits word)
 #endif
 }
 
-STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+/* Philox's four words of 32 bits for a counter (a, b, c, d). */
+STAGE void philox(Bits a, Bits b, Bits c, Bits d, const uint32_t key[2], Bits word[4])
 {
-    Bits a = (Bits)(vertex * 2 + dimension), b = rng->sample_low, c = rng->pixel, d = rng->sample_high;
-    uint32_t key_0 = rng->key[0], key_1 = rng->key[1];
+    uint32_t key_0 = key[0], key_1 = key[1];
     for (int round = 0; round < 7; round++) {
         Bits high_a, low_a, high_c, low_c;
         multiply_32(a, 0xD2511F53u, &high_a, &low_a);
@@ -70,7 +70,14 @@ STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
         key_0 += 0x9E3779B9u;
         key_1 += 0xBB67AE85u;
     }
-    return (Uniforms){{uniform_of(a), uniform_of(b), uniform_of(c), uniform_of(d)}};
+    word[0] = a, word[1] = b, word[2] = c, word[3] = d;
+}
+
+STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+{
+    Bits word[4];
+    philox((Bits)(vertex * 2 + dimension), rng->sample_low, rng->pixel, rng->sample_high, rng->key, word);
+    return (Uniforms){{uniform_of(word[0]), uniform_of(word[1]), uniform_of(word[2]), uniform_of(word[3])}};
 }
 
 #endif
