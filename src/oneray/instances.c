@@ -13,7 +13,6 @@
 #define LIST(X)                                                                                              \
     X(direct,         ROOM | LIGHT | USE_SOLID_ANGLE)                                                        \
     X(room,           ROOM | LIGHT | USE_SOLID_ANGLE | USE_ROULETTE)                                         \
-    X(direct_sobol,   ROOM | LIGHT | USE_SOLID_ANGLE | USE_SOBOL)                                            \
     X(room_sobol,     ROOM | LIGHT | USE_SOLID_ANGLE | USE_ROULETTE | USE_SOBOL)
 /* clang-format on */
 
