@@ -76,6 +76,19 @@ def test_one_sample_has_no_standard_error(oneray: Path, tmp_path: Path) -> None:
     assert list(oiio.ImageBuf(str(tmp_path / "out.exr")).spec().channelnames) == ["R", "G", "B"]
 
 
+def test_sobol_points_have_no_standard_error(oneray: Path, tmp_path: Path) -> None:
+    """Their spread is not that of a mean of independent samples. Picture and figures name the sampler."""
+    for sampler, channels in (("sobol", ["R", "G", "B"]), ("independent", None)):
+        options = ["-o", tmp_path / "out.exr", "--spp", "16", "--sampler", sampler, "--stats", "-"]
+        done = run(oneray, BOX, *options)
+        assert done.returncode == 0, done.stderr
+        stats, spec = json.loads(done.stdout), oiio.ImageBuf(str(tmp_path / "out.exr")).spec()
+        assert channels is None or list(spec.channelnames) == channels
+        assert f"--sampler {sampler}" in stats["technique"]
+        assert f"--sampler {sampler} " in spec.getattribute("oneray")
+        assert ("Sobol' points" in stats["features"]) == (sampler == "sobol")
+
+
 def test_constant_pixels_have_no_error_at_all(oneray: Path, tmp_path: Path) -> None:
     """Where every sample is the same, the standard error is exactly 0, also at odd counts."""
     assert run(oneray, BOX, "-Ddepth=1", "-o", tmp_path / "out.exr", "--spp", "37").returncode == 0
@@ -184,6 +197,7 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ),
         ([BOX, "--mis-pdf", "survival", "--roulette", "none", "-o", "out.exr"], "every path survives"),
         ([BOX, "--light-points", "corner", "-o", "out.exr"], "is not supported (area, facing, cone)"),
+        ([BOX, "--sampler", "halton", "-o", "out.exr"], "is not supported (independent, sobol)"),
         ([BOX, "--light-choice", "best", "-o", "out.exr"], "(uniform, power, contribution, learned)"),
         ([BOX, "--mis", "power", "--estimator", "nee", "-o", "out.exr"], "goes with --estimator mis only"),
         ([BOX, "--light-choice", "power", "--estimator", "walk", "-o", "out.exr"], "sends no ray to a light"),

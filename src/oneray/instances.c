@@ -20,7 +20,8 @@
     X(many,   ROOM | MIS | USE_SOLID_ANGLE | CHOICE | HAS_TREE)                                              \
     X(mesh,   ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE)                                                   \
     X(smooth, ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH)                                      \
-    X(walk,   ROOM | USE_COSINE | ROUND)
+    X(walk,   ROOM | USE_COSINE | ROUND)                                                                     \
+    X(room_sobol, ROOM | MIS | USE_SOLID_ANGLE | USE_SOBOL)
 /* clang-format on */
 
 #define X(name, set)                                                                                         \

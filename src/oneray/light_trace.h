@@ -66,8 +66,8 @@ INLINE void emit_far(
 STAGE void start_at_light(Start *start, const Scene *scene, Features f)
 {
     const Lights *lights = &scene->lights;
-    Uniforms place = rng_block(&start->rng, index_of(0), DIMENSION_LIGHT);
-    Uniforms way = rng_block(&start->rng, index_of(0), DIMENSION_CAMERA);
+    Uniforms place = random_block(&start->rng, index_of(0), DIMENSION_LIGHT, f);
+    Uniforms way = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
     Real inverse_choice;
     Index i = choose_light(lights, NULL, place.u[0], place.u[3], &inverse_choice, f);
     start->ray = (Ray){vec_all(real(0)), vec_all(real(1)), real(NUM_MAX), index_of(-1)};

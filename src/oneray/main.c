@@ -98,11 +98,15 @@ static void write_stats(const Options *options, const Film *film, const Kernel *
     output_done(options->stats, temporary);
 }
 
+/* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
+   points balance each other, so that it takes other seeds to know. The identity names the sampler. */
+static int has_error(const Film *film) { return !strstr(film->identity, " --sampler sobol "); }
+
 static void write_picture(const Film *film, double render_seconds, const char *kernel, const char *file)
 {
     size_t numbers = 3 * (size_t)film->width * (size_t)film->height;
     float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
-    int known = film_estimate(film, mean, error);
+    int known = film_estimate(film, mean, error) && has_error(film);
     Picture picture = {film->width, film->height, mean, known ? error : NULL, film_samples(film),
         render_seconds, film->identity, kernel};
     exr_write_picture(&picture, file);

@@ -29,6 +29,7 @@ enum {
     CHOICE_MIS_PDF,
     CHOICE_ROULETTE,
     CHOICE_FRESNEL,
+    CHOICE_SAMPLER,
     CHOICES
 };
 
@@ -59,6 +60,9 @@ static const Choice choices[CHOICES] = {
             {"survival", "L14 from rr_depth on it survives with min(1, throughput)"}}},
     {"--fresnel", "reflectance of glass", FRESNEL_EXACT,
         {{"exact", "L15 Fresnel's"}, {"schlick", "L15 Schlick's approximation: another picture, a little wrong"}}},
+    {"--sampler", "where the samples of a pixel lie; for pictures, not of the lecture", SAMPLER_INDEPENDENT,
+        {{"independent", "by chance, what the lecture's variances and the standard errors are about"},
+            {"sobol", "evenly (Owen-scrambled Sobol' points): less noise, no standard errors"}}},
 };
 
 static const char usage[] =
@@ -68,7 +72,7 @@ static const char usage[] =
     "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each\n"
     "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n"
     "\n"
-    "  -o OUT.exr             mean and standard error of each pixel\n"
+    "  -o OUT.exr             mean and standard error of each pixel (no error with --sampler sobol)\n"
     "  -Dname=value           sets a <default> of the scene\n"
     "  --spp N                samples per pixel, instead of the scene's sample_count\n"
     "  --time SECONDS         as many samples per pixel as the time allows, at least one\n"
@@ -308,7 +312,8 @@ Options options_read(int count, char **words)
         value[CHOICE_LIGHT] = LIGHT_CHOICE_POWER;
     o.technique = (Technique){(Estimator)value[CHOICE_ESTIMATOR], (Hemisphere)value[CHOICE_HEMISPHERE],
         (LightChoice)value[CHOICE_LIGHT], (LightPoints)value[CHOICE_POINTS], (MisHeuristic)value[CHOICE_MIS],
-        (MisPdf)value[CHOICE_MIS_PDF], (Roulette)value[CHOICE_ROULETTE], (Fresnel)value[CHOICE_FRESNEL]};
+        (MisPdf)value[CHOICE_MIS_PDF], (Roulette)value[CHOICE_ROULETTE], (Fresnel)value[CHOICE_FRESNEL],
+        (Sampler)value[CHOICE_SAMPLER]};
     check_given(&o, given);
     return o;
 }
@@ -369,7 +374,8 @@ static bool says_something(int choice, Estimator estimator)
 void options_technique(const Technique *t, char *text, int size)
 {
     const int value[CHOICES] = {(int)t->estimator, (int)t->hemisphere, (int)t->light_choice,
-        (int)t->light_points, (int)t->mis, (int)t->mis_pdf, (int)t->roulette, (int)t->fresnel};
+        (int)t->light_points, (int)t->mis, (int)t->mis_pdf, (int)t->roulette, (int)t->fresnel,
+        (int)t->sampler};
     for (int i = 0, used = 0; i < CHOICES; i++)
         if (says_something(i, t->estimator))
             used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", choices[i].name,

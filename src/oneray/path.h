@@ -29,9 +29,9 @@ typedef struct {
     Vec flux; /* of a light path */
 } Start;
 
-STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y)
+STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y, Features f)
 {
-    Uniforms film = rng_block(&start->rng, index_of(0), DIMENSION_CAMERA);
+    Uniforms film = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
     start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1]);
 }
 
@@ -150,7 +150,7 @@ INLINE Real pdf_w_bounce(const Path *path, const Scene *scene, const Surface *s,
    where the random walk could have hit that light as well. */
 STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, Features f)
 {
-    Uniforms random = rng_block(&path->rng, path->depth, DIMENSION_LIGHT);
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_LIGHT, f);
     Receiver at = {s->p, s->n, s->slot};
     LightSample sample = sample_light(&scene->lights, &at, random.u, f);
     Real cosine = vec_dot(s->n, sample.wi);
@@ -174,7 +174,7 @@ STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask act
    Russian roulette: it goes on with probability q and is divided by it, E[1(u<q) X/q] = E[X]. */
 STAGE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
 {
-    Uniforms random = rng_block(&path->rng, path->depth, DIMENSION_BOUNCE);
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_BOUNCE, f);
     Scatter scatter = sample_material(&scene->materials, s, random.u, f);
     path->throughput = vec_mul(path->throughput, scatter.factor);
     path->pdf_w = scatter.pdf_w;

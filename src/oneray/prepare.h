@@ -113,6 +113,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f |= USE_SCHLICK;
     if (technique->roulette == ROULETTE_SURVIVAL && (d->max_depth < 0 || d->max_depth > d->rr_depth))
         f |= USE_ROULETTE;
+    if (technique->sampler == SAMPLER_SOBOL)
+        f |= USE_SOBOL;
     if (technique->estimator == ESTIMATOR_LIGHT)
         f |= USE_LIGHT_PATHS;
     else if (technique->estimator != ESTIMATOR_WALK && lights > 0 && (f & HAS_DIFFUSE))

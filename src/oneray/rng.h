@@ -22,25 +22,6 @@ typedef struct { Real u[4]; } Uniforms;
 
 #define LOW_32 0xFFFFFFFFu
 
-/* The product of the low halves of each 64 bits: one instruction where there is one, which the compiler does not
-   find by itself. */
-#if LANES > 1
-typedef uint64_t Pairs __attribute__((vector_size(VECTOR_BYTES)));
-INLINE Pairs multiply_low_halves(Pairs a, uint32_t by)
-{
-    Pairs b = (Pairs){0} + by;
-#if VECTOR_BYTES == 64 && defined(__AVX512F__)
-    return (Pairs)_mm512_mul_epu32((__m512i)a, (__m512i)b);
-#elif VECTOR_BYTES == 32 && defined(__AVX2__)
-    return (Pairs)_mm256_mul_epu32((__m256i)a, (__m256i)b);
-#elif VECTOR_BYTES == 16 && defined(__SSE2__)
-    return (Pairs)_mm_mul_epu32((__m128i)a, (__m128i)b);
-#else
-    return (a & LOW_32) * b;
-#endif
-}
-#endif
-
 /* The high 32 bits, and in the low half of *low the low ones, of the low half of a times a constant. */
 INLINE void multiply_32(Bits a, uint32_t by, Bits *high, Bits *low)
 {
@@ -49,11 +30,12 @@ INLINE void multiply_32(Bits a, uint32_t by, Bits *high, Bits *low)
     *high = (Word)(product >> 32);
     *low = (Word)product;
 #elif !defined(SINGLE)
-    Bits product = multiply_low_halves(a, by);
+    Bits product = multiply_low(a, bits_of(by));
     *high = product >> 32;
     *low = product;
 #else
-    Pairs even = multiply_low_halves((Pairs)a, by), odd = multiply_low_halves((Pairs)a >> 32, by);
+    Pairs factor = (Pairs){0} + by;
+    Pairs even = multiply_halves((Pairs)a, factor), odd = multiply_halves((Pairs)a >> 32, factor);
     *high = (Bits)(even >> 32 | (odd & ~(uint64_t)LOW_32));
     *low = a * bits_of(by);
 #endif
@@ -69,10 +51,10 @@ INLINE Real uniform_of(Bits word)
 #endif
 }
 
-STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+/* Philox's four words of 32 bits for a counter (a, b, c, d). */
+STAGE void philox(Bits a, Bits b, Bits c, Bits d, const uint32_t key[2], Bits word[4])
 {
-    Bits a = (Bits)(vertex * 2 + dimension), b = rng->sample_low, c = rng->pixel, d = rng->sample_high;
-    uint32_t key_0 = rng->key[0], key_1 = rng->key[1];
+    uint32_t key_0 = key[0], key_1 = key[1];
     for (int round = 0; round < 7; round++) {
         Bits high_a, low_a, high_c, low_c;
         multiply_32(a, 0xD2511F53u, &high_a, &low_a);
@@ -84,7 +66,14 @@ STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
         key_0 += 0x9E3779B9u;
         key_1 += 0xBB67AE85u;
     }
-    return (Uniforms){{uniform_of(a), uniform_of(b), uniform_of(c), uniform_of(d)}};
+    word[0] = a, word[1] = b, word[2] = c, word[3] = d;
+}
+
+STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+{
+    Bits word[4];
+    philox((Bits)(vertex * 2 + dimension), rng->sample_low, rng->pixel, rng->sample_high, rng->key, word);
+    return (Uniforms){{uniform_of(word[0]), uniform_of(word[1]), uniform_of(word[2]), uniform_of(word[3])}};
 }
 
 #endif

@@ -18,6 +18,7 @@ typedef enum { MIS_BALANCE, MIS_POWER } MisHeuristic;                           
 typedef enum { MIS_PDF_BSDF, MIS_PDF_SURVIVAL } MisPdf;                                  /* L13 */
 typedef enum { ROULETTE_NONE, ROULETTE_SURVIVAL } Roulette;                              /* L19; L14 */
 typedef enum { FRESNEL_EXACT, FRESNEL_SCHLICK } Fresnel;                                 /* L15 */
+typedef enum { SAMPLER_INDEPENDENT, SAMPLER_SOBOL } Sampler; /* sampler.h; no technique of the lecture */
 
 typedef struct {
     Estimator estimator;
@@ -28,6 +29,7 @@ typedef struct {
     MisPdf mis_pdf;
     Roulette roulette;
     Fresnel fresnel;
+    Sampler sampler;
 } Technique;
 
 /* The feature mask: bit by bit, what a scene has and a technique uses. A kernel instance is compiled for a
@@ -55,7 +57,8 @@ typedef struct {
     X(USE_CONE,            "cone of sphere lights") \
     X(USE_SOLID_ANGLE,     "solid angle of rectangle lights") \
     X(USE_COSINE,          "cosine hemisphere")  X(USE_ROULETTE,     "roulette") \
-    X(USE_SCHLICK,         "Schlick's Fresnel")  X(USE_LIGHT_PATHS,  "light tracing")
+    X(USE_SCHLICK,         "Schlick's Fresnel")  X(USE_LIGHT_PATHS,  "light tracing") \
+    X(USE_SOBOL,           "Sobol' points")
 
 enum {
 #define X(name, words) BIT_##name,

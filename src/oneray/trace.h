@@ -36,7 +36,7 @@ STAGE void make_starts(Queue *queue, const Scene *scene, const Job *job, Feature
     if ((f & USE_LIGHT_PATHS) && job->splats)
         start_at_light(&queue->start, scene, f);
     else
-        start_at(&queue->start, scene, x, y);
+        start_at(&queue->start, scene, x, y, f);
     queue->used = 0;
 }
 
