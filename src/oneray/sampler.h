@@ -29,10 +29,10 @@ INLINE Bits reverse_32(Bits a)
     return swap(a, 16, 0x0000FFFFu);
 }
 
-/* Owen's scramble of the low 32 bits of x; two words choose it. The sum alone makes every x uniform; products
-   with even numbers, added to what they are made of, let each digit depend on all before it. Vegdahl, Building
-   a Better LK Hash, 2021, but with a factor of its own: for any two values of the digits before it, a digit's
-   coins are then independent as far as 10^5 seeds can tell. */
+/* Owen's scramble of the low 32 bits of x; two words choose it. The summand makes every x uniform. The factor
+   makes what follows the first different digit of two x independent, (x - x') · factor being uniform above its
+   lowest bit: all that the variance depends on. The even products carry each digit on to those after it, for
+   points by threes and more. Vegdahl, Building a Better LK Hash, 2021, with a factor of its own. */
 INLINE Bits scramble(Bits x, Bits summand, Bits factor)
 {
     x ^= multiply_low(x, bits_of(0x3D20ADEAu));
