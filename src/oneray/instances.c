@@ -12,6 +12,7 @@
 #define MIS (USE_NEE | USE_MIS | USE_COSINE)
 
 /* clang-format off */
+#ifndef LIST
 #define LIST(X)                                                                                              \
     X(room,   ROOM | MIS | USE_SOLID_ANGLE)                                                                  \
     X(ball,   ROOM | MIS | USE_CONE | HAS_SPHERE | HAS_SPHERE_LIGHT)                                         \
@@ -22,6 +23,7 @@
     X(smooth, ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH)                                      \
     X(walk,   ROOM | USE_COSINE | ROUND)                                                                     \
     X(room_sobol, ROOM | MIS | USE_SOLID_ANGLE | USE_SOBOL)
+#endif
 /* clang-format on */
 
 #define X(name, set)                                                                                         \

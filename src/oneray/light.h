@@ -312,7 +312,7 @@ INLINE Real falloff_of(const Lights *lights, Index i, Vec wi, Features f)
     Vec axis = vec_of_light(lights->edge_x, i, f);
     Real angle = angle_of(vec_length(vec_cross(axis, wi)), -vec_dot(axis, wi));
     Real falloff = spot_falloff(angle, of_light(lights->beam, i, f), of_light(lights->cutoff, i, f));
-    return f & HAS_MANY_LIGHTS ? select(light_is(lights, SITE_SPOT, i, f), falloff, real(1)) : falloff;
+    return select(light_is(lights, SITE_SPOT, i, f), falloff, real(1));
 }
 
 /* L1, L2 Towards a light at a place: E = I cosθ/d² from a point light (I in W·sr⁻¹: Mitsuba's intensity, the
