@@ -3,6 +3,7 @@
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
+# make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 
 BUILD   ?= build
@@ -16,29 +17,35 @@ PACKAGES := expat OpenEXR
 ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
-# A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512.
+# A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512; with
+# :special, the instances of instances.c beside the generic one.
 MACHINE := $(shell $(CC) -dumpmachine 2>/dev/null)
 ifneq (,$(findstring x86_64,$(MACHINE)))
-KERNEL_LIST := double:8:2 double:4:1 double:2:0 double:1:0 single:16:2 single:8:1 single:4:0 single:1:0
+KERNEL_LIST := double:8:2:special double:4:1:special double:2:0 double:1:0 \
+    single:16:2:special single:8:1:special single:4:0 single:1:0
 FLAGS_1 := -march=x86-64-v3
 FLAGS_2 := -march=x86-64-v4
 CPU_FLAGS := $(shell grep -m1 '^flags' /proc/cpuinfo 2>/dev/null)
-NATIVE := $(if $(filter avx512dq,$(CPU_FLAGS)),double:8:2 single:16:2,$(if $(filter avx2,$(CPU_FLAGS)),double:4:1 \
-    single:8:1,double:2:0 single:4:0))
+NATIVE := $(if $(filter avx512dq,$(CPU_FLAGS)),double:8:2:special single:16:2:special,$(if \
+    $(filter avx2,$(CPU_FLAGS)),double:4:1:special single:8:1:special,double:2:0:special single:4:0:special))
 else
-KERNEL_LIST := double:2:0 double:1:0 single:4:0 single:1:0
-NATIVE := double:2:0 single:4:0
+KERNEL_LIST := double:2:0:special double:1:0 single:4:0:special single:1:0
+NATIVE := double:2:0:special single:4:0:special
 endif
 ifeq ($(LANES),native)
 KERNEL_LIST := $(NATIVE)
 endif
-KERNEL_FLAGS := $(if $(filter generic,$(KERNELS)),-DONLY_GENERIC)
+ifeq ($(KERNELS),generic)
+KERNEL_LIST := $(KERNEL_LIST:%:special=%)
+endif
 
 part = $(word $(2),$(subst :, ,$(1)))
 SOURCES := $(wildcard src/oneray/*.c)
 HEADERS := $(wildcard src/oneray/*.h)
-PLAIN_OBJECTS := $(patsubst src/oneray/%.c,$(BUILD)/%.o,$(filter-out src/oneray/kernel.c,$(SOURCES)))
-KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call part,$(k),1)_$(call part,$(k),2).o)
+PLAIN_OBJECTS := $(patsubst src/oneray/%.c,$(BUILD)/%.o,$(filter-out src/oneray/kernel.c src/oneray/instances.c,$(SOURCES)))
+name_of = $(call part,$(1),1)_$(call part,$(1),2)
+KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)).o \
+    $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
 .PHONY: all demo test references thorough techniques benchmark clean FORCE
@@ -48,7 +55,7 @@ $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
 	$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
 
 # Other settings than last time build everything anew.
-SETTINGS := $(CC) $(ALL_CFLAGS) $(KERNEL_LIST) $(KERNEL_FLAGS)
+SETTINGS := $(CC) $(ALL_CFLAGS) $(KERNEL_LIST)
 $(BUILD)/.settings: FORCE | $(BUILD)
 	@echo '$(SETTINGS)' | cmp -s - $@ || echo '$(SETTINGS)' > $@
 FORCE:
@@ -56,10 +63,13 @@ FORCE:
 $(BUILD)/%.o: src/oneray/%.c $(HEADERS) Makefile $(BUILD)/.settings | $(BUILD)
 	$(CC) $(ALL_CFLAGS) $(PKG_CFLAGS) -D'KERNELS(X)=$(KERNEL_TABLE)' -c $< -o $@
 
+# -g1: lines, but no variables, whose tracking takes a sixth of the build.
 define kernel_rule
-$$(BUILD)/kernel_$(call part,$(1),1)_$(call part,$(1),2).o: src/oneray/kernel.c $$(HEADERS) Makefile $$(BUILD)/.settings | $$(BUILD)
-	$$(CC) $$(ALL_CFLAGS) $$(FLAGS_$(call part,$(1),3)) $(if $(filter single:%,$(1)),-DSINGLE) $$(KERNEL_FLAGS) \
-	    -DLANES=$(call part,$(1),2) -DKERNEL=kernel_$(call part,$(1),1)_$(call part,$(1),2) -c $$< -o $$@
+$$(BUILD)/%_$(call name_of,$(1)).o: src/oneray/%.c $$(HEADERS) Makefile $$(BUILD)/.settings | $$(BUILD)
+	$$(CC) $$(ALL_CFLAGS) $$(if $$(findstring -g,$$(CFLAGS)),-g1) $$(FLAGS_$(call part,$(1),3)) \
+	    $(if $(filter single:%,$(1)),-DSINGLE) -DLANES=$(call part,$(1),2) -DKERNEL=kernel_$(call name_of,$(1)) \
+	    $(if $(call part,$(1),4),-DINSTANCES=instances_$(call name_of,$(1))) \
+	    $$(if $$(filter instances,$$*),-DSPECIALISED) -c $$< -o $$@
 endef
 $(foreach k,$(KERNEL_LIST),$(eval $(call kernel_rule,$(k))))
 
@@ -75,7 +85,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang patch libllvm19
+	scripts/setup.sh clang patch libllvm19 valgrind
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)
@@ -117,7 +127,8 @@ techniques: $(BUILD)/.system $(VENV)/.demo
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
-	$(PYTHON) scripts/benchmark.py
+	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
+	$(PYTHON) scripts/readme_benchmark.py
 
 clean:
 	rm -rf $(BUILD)

@@ -1,139 +1,180 @@
-"""Paths per second of oneray and of Mitsuba 3 on the same scene file, interleaved, on one pinned core.
+"""The speed of oneray and of Mitsuba 3 on the same scene files, one thread each on one pinned core.
 
-    python scripts/benchmark.py [SCENE ...] [--rounds 5] [--core 0] [--json FILE]
+    python scripts/benchmark.py [--scene NAME ...] [--rounds 5] [--seconds 0.5] [--core N] [--json FILE]
+    python scripts/benchmark.py --growth-only
+    python scripts/benchmark.py --quick
 
-Each round runs every contestant once, in turn, so that a machine whose speed drifts is slow for all.
-Rendering is timed without start-up: oneray's own figure, and for Mitsuba the render call after one that
-compiled its kernel. Printed are minimum, median and maximum over the rounds, of the paths per second and of
-each contestant's ratio to Mitsuba llvm in the same round.
+Every round renders each contestant once, in turn, with seeds of its own, so that a machine whose speed drifts
+is slow for all; a ratio to Mitsuba llvm is taken within a round. Rendering is timed without start-up and
+compilation, which are measured apart. Efficiency is paths per second over the variance of a path,
+1/(variance · time); the variance is that between pictures with other seeds, in all renderers alike, and
+relative to the squared mean. Stratified and Sobol samples share out a pixel, and theirs is that of the
+picture times its samples.
+
+Mitsuba does not count its rays. Where no roulette plays, its paths are taken to have as many as oneray's (≈).
+Scenes are written to build/benchmark/. Ctrl-C keeps what was measured.
 """
 
 from __future__ import annotations
 
 import argparse
+import datetime
+import importlib.metadata
 import json
 import os
-import statistics
+import platform
+import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-BASELINE = "mitsuba llvm"
+from benchmark_contestants import ROOT, oneray_help
+from benchmark_growth import AXES, grow
+from benchmark_measure import measure_scene
+from benchmark_scenes import SCENES, BenchScene
+
+from raycheck import speed
+from raycheck.verify import machine as processor
+
+QUICK_SCENE, QUICK_POINTS, QUICK_SECONDS = "cornell-2", 3, 0.03
 
 
-@dataclass
-class Contestant:
-    """A renderer: `run()` renders once and returns paths per second."""
-
-    name: str
-    run: Callable[[], float]
-    rates: list[float] = field(default_factory=list)
-
-
-def oneray(scene: Path, precision: str, spp: int) -> Contestant:
-    """oneray with its defaults; seconds as it states them for the render alone."""
-    command = [
-        str(ROOT / "build/oneray"),
-        str(scene),
-        "--spp",
-        str(spp),
-        "--precision",
-        precision,
-        "--stats",
-        "-",
-        "--quiet",
-    ]
-
-    def run() -> float:
-        stats = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-        return stats["paths"] / stats["seconds"]["render"]
-
-    return Contestant(f"oneray {precision}", run)
-
-
-def mitsuba(scene: Path, variant: str, spp: int) -> Contestant:
-    """Mitsuba with one thread in this process; the first render, which compiles, is not counted."""
-    import drjit as dr
-    import mitsuba as mi
-    import numpy as np
-
-    dr.set_thread_count(1)
-    mi.set_variant(variant)
-    loaded = mi.load_file(str(scene))
-    width, height = loaded.sensors()[0].film().size()
-    np.array(mi.render(loaded, spp=spp, seed=0))
-
-    def run() -> float:
-        run.seed += 1
-        start = time.perf_counter()
-        np.array(mi.render(loaded, spp=spp, seed=run.seed))
-        return float(width * height * spp) / (time.perf_counter() - start)
-
-    run.seed = 0
-    return Contestant(BASELINE if "llvm" in variant else "mitsuba scalar", run)
+def arguments_of(words: list[str] | None = None) -> argparse.Namespace:
+    """The command line; a mistake is one line and exit status 2."""
+    parser = argparse.ArgumentParser(
+        prog="benchmark", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    names = [scene.name for scene in SCENES]
+    parser.add_argument("--scene", action="append", metavar="NAME", help=f"one of {', '.join(names)}")
+    parser.add_argument("--rounds", type=int, default=None, help="5, with --quick 2")
+    parser.add_argument("--seconds", type=float, default=None, help="of each render: 0.5")
+    parser.add_argument("--core", type=int, help="the core that everything is pinned to: the first")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
+    parser.add_argument("--no-growth", action="store_true", help="leave out how cost grows")
+    parser.add_argument("--growth-only", action="store_true", help="measure only how cost grows")
+    parser.add_argument("--quick", action="store_true", help="one scene and few points, to see that it works")
+    parser.error = lambda message: parser.exit(2, f"benchmark: {message}\n")  # type: ignore[method-assign]
+    given = parser.parse_args(words)
+    given.rounds = given.rounds if given.rounds is not None else 2 if given.quick else 5
+    given.seconds = given.seconds if given.seconds is not None else QUICK_SECONDS if given.quick else 0.5
+    unknown = [name for name in given.scene or [] if name not in names]
+    if unknown:
+        parser.error(f"no scene {unknown[0]!r}; there are {', '.join(names)}")
+    if given.rounds < 2:
+        parser.error("--rounds is at least 2: a variance needs two pictures")
+    if not 0 < given.seconds <= 60:
+        parser.error("--seconds is above 0 and at most 60")
+    if given.no_growth and given.growth_only:
+        parser.error("--no-growth and --growth-only leave nothing")
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else {0}
+    given.core = min(cores) if given.core is None else given.core
+    if given.core not in cores:
+        parser.error(f"there is no core {given.core} here")
+    if given.json and not given.json.resolve().parent.is_dir():
+        parser.error(f"{given.json}: no such folder")
+    if not (ROOT / "build/oneray").is_file():
+        parser.error("build/oneray is missing: run make")
+    return given
 
 
-def spread(values: list[float], scale: float = 1.0) -> dict[str, float]:
-    """Minimum, median and maximum."""
+def _first_line(*command: str) -> str:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return (done.stdout.splitlines() or [""])[0]
+
+
+def machine() -> dict[str, object]:
+    """What the figures depend on; the load average tells whether others were at work."""
+    info = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").is_file() else ""
+    flags = next((x.split() for x in info.splitlines() if x.startswith("flags")), [])
+    try:
+        mitsuba = importlib.metadata.version("mitsuba")
+    except importlib.metadata.PackageNotFoundError:
+        mitsuba = "missing"
     return {
-        "min": min(values) / scale,
-        "median": statistics.median(values) / scale,
-        "max": max(values) / scale,
+        "processor": processor(),
+        "vectors": [x for x in ("sse4_2", "avx2", "fma", "avx512f", "avx512dq") if x in flags],
+        "virtual": "hypervisor" in flags,
+        "cores": os.cpu_count(),
+        "kernel": platform.release(),
+        "load_average_before": os.getloadavg()[0],
+        "compiler": _first_line("cc", "--version"),
+        "oneray": _first_line(str(ROOT / "build/oneray"), "--version"),
+        "mitsuba": mitsuba,
+        "llvm": os.environ.get("DRJIT_LIBLLVM_PATH", ""),
     }
 
 
-def measure(scene: Path, rounds: int, spp: int) -> dict[str, dict[str, dict[str, float]]]:
-    """Runs the rounds; by contestant its Mpaths/s and its ratio to the baseline in the same round."""
-    contestants = [
-        mitsuba(scene, "llvm_ad_rgb", spp),
-        oneray(scene, "double", 2 * spp),
-        oneray(scene, "single", 4 * spp),
-    ]
-    for _ in range(rounds):
-        for contestant in contestants:
-            contestant.rates.append(contestant.run())
-    baseline = contestants[0].rates
-    return {
-        c.name: {
-            "Mpaths/s": spread(c.rates, 1e6),
-            "ratio": spread([a / b for a, b in zip(c.rates, baseline, strict=True)]),
-        }
-        for c in contestants
-    }
+STARTED = time.monotonic()
+
+
+def log(line: str) -> None:
+    """A line of progress on standard error."""
+    print(f"[{time.monotonic() - STARTED:6.1f} s] {line}", file=sys.stderr, flush=True)
+
+
+def save(path: Path | None, result: dict) -> None:
+    """Whole or not at all."""
+    if path is None:
+        return
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
+def chosen(given: argparse.Namespace) -> list[BenchScene]:
+    wanted = given.scene or ([QUICK_SCENE] if given.quick else [scene.name for scene in SCENES])
+    return [] if given.growth_only else [scene for scene in SCENES if scene.name in wanted]
+
+
+def run(given: argparse.Namespace, result: dict) -> None:
+    """Fills `result`, which is saved after each scene and axis."""
+    offer = oneray_help()
+    for scene in chosen(given):
+        one = measure_scene(scene, given.rounds, given.seconds, offer, log)
+        result["scenes"].append(one)
+        save(given.json, result)
+        print("\n".join([speed.plain(one), *(f"  start-up {x}" for x in speed.startup_lines(one)), ""]))
+        sys.stdout.flush()
+        if one["interrupted"]:
+            raise KeyboardInterrupt
+    for axis in () if given.no_growth else AXES:
+        if given.quick and axis.name != "spp":
+            continue
+        one = grow(axis, log, QUICK_POINTS if given.quick else None)
+        result["growth"].append(one)
+        save(given.json, result)
+        if one["interrupted"]:
+            raise KeyboardInterrupt
+    result["complete"] = True
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("scenes", nargs="*", type=Path, default=[ROOT / "scenes/cornell-box.xml"])
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--spp", type=int, default=256, help="samples per pixel of Mitsuba's renders")
-    parser.add_argument("--core", type=int, default=0, help="the core that everything is pinned to")
-    parser.add_argument("--json", type=Path, help="write the figures here as well")
-    arguments = parser.parse_args()
-    if arguments.rounds < 1 or arguments.spp < 1:
-        parser.error("--rounds and --spp are at least 1")
-    os.sched_setaffinity(0, {arguments.core})
+    given = arguments_of()
     os.environ.setdefault("DRJIT_LIBLLVM_PATH", "libLLVM.so.19.1")
-    results = {}
-    for scene in arguments.scenes:
-        if not scene.is_file():
-            parser.error(f"{scene}: no such scene")
-        results[scene.stem] = measure(scene, arguments.rounds, arguments.spp)
-        print(f"{scene.stem}: {arguments.rounds} rounds on core {arguments.core}, min / median / max")
-        for name, figures in results[scene.stem].items():
-            columns = (
-                " / ".join(f"{v:6.2f}" for v in figures[key].values()) for key in ("Mpaths/s", "ratio")
-            )
-            print(f"  {name:<15} {{}} Mpaths/s   {{}} x {BASELINE}".format(*columns))
-    if arguments.json:
-        arguments.json.write_text(json.dumps(results, indent=1) + "\n")
-    return 0
+    result: dict = {
+        "command": shlex.join(["scripts/benchmark.py", *sys.argv[1:]]),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "machine": machine(),
+        "rounds": given.rounds,
+        "seconds": given.seconds,
+        "core": given.core,
+        "complete": False,
+        "scenes": [],
+        "growth": [],
+    }
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {given.core})
+    try:
+        run(given, result)
+    except KeyboardInterrupt:
+        log("interrupted: what was measured is kept")
+    save(given.json, result)
+    print("\n".join(speed.growth_lines(result)))
+    return 0 if result["complete"] else 130
 
 
 if __name__ == "__main__":

@@ -117,6 +117,20 @@ OVER_COLUMNS(densities)
     put(b, 3, pdf_w_cone(get(b, 1)));
 }
 
+/* ---- sampler.h: (seed, pixel, sample low, sample high, vertex, dimension, 1 for Sobol') to four numbers; lanes
+   share a seed. */
+OVER_COLUMNS(numbers)
+{
+    (void)scene;
+    Rng rng = {(Bits)get_index(b, 1), (Bits)get_index(b, 2), (Bits)get_index(b, 3),
+        {(uint32_t)b->in[b->at], 0}};
+    int dimension = (int)b->in[5 * b->n + b->at];
+    Features f = b->in[6 * b->n + b->at] > 0 ? USE_SOBOL : 0;
+    Uniforms out = random_block(&rng, get_index(b, 4), dimension, f);
+    for (size_t k = 0; k < 4; k++)
+        put(b, k, out.u[k]);
+}
+
 /* ---- Fresnel: (cosine, ratio) to (cosine beyond, exact, Schlick); (cosine, η, k) to the conductor's. */
 OVER_COLUMNS(dielectric)
 {

@@ -16,7 +16,8 @@ from scipy import stats
 Array = NDArray[np.float64]
 
 SOURCES = ROOT / "src/oneray"
-PROGRAM = {"main", "kernel", "kernels", "options", "render", "output", "film", "exr"}  # not needed here
+PROGRAM = {"main", "kernel", "instances", "kernels", "options", "render", "output", "film", "exr"}
+"""What is not needed here."""
 FLAGS = ["-std=c99", "-D_XOPEN_SOURCE=700", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS += ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Werror", "-O1", "-fPIC", "-shared"]
 
@@ -35,7 +36,7 @@ ROWS = {
     **dict.fromkeys(("hemisphere_uniform", "hemisphere_cosine", "sphere", "cone", "densities"), 4),
     **dict.fromkeys(("square", "disk", "triangle"), 4),
     **{"dielectric": 3, "conductor": 1, "scatter": 21, "light_sample": 9, "light_hit": 4, "choose": 2},
-    **{"choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9},
+    **{"choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4},
 }
 
 SCENE = """<scene version="3.0.0">

@@ -149,14 +149,15 @@ def test_second_moments_of_lights_add_over_their_probabilities(render, choice: s
 
 
 @pytest.mark.parametrize(
-    ("name", "spp", "width", "times"), [("many-lights", 8, 0.1, (1, 1)), ("thousand-lights", 64, 0.2, (10, 25))]
+    ("name", "spp", "width", "times"),
+    [("many-lights", 8, 0.1, (1, 1)), ("thousand-lights", 64, 0.2, (10, 25))],
 )
 def test_choosing_by_contribution_beats_chance(
     render, scene, name: str, spp: int, width: float, times: tuple[float, float]
 ) -> None:
-    """L6, L18. With many lights, near ones and far ones, and some behind others; of a thousand, by contribution
-    (half of it by chance) at least 10 times, learned at least 25 times. (Of a thousand lights chosen by chance
-    so few samples matter that their own mean says little.)
+    """L6, L18. With many lights, near ones and far ones, and some behind others. Of a thousand, by
+    contribution (half of it by chance) at least 10 times, learned at least 25 times. (Of a thousand lights
+    chosen by chance so few samples matter that their own mean says little.)
     """
     by_chance, by_contribution, learned = (
         render(scene(name), f"--estimator nee --light-points area --light-choice {choice}", spp, 6)

@@ -117,6 +117,15 @@ class TestCompare:
         write_pfm(tmp_path / "c.pfm", np.ones((32, 32, 3)))
         assert raycheck("compare", a, tmp_path / "c.pfm").returncode == 2
 
+    def test_sobol_points(self, tmp_path, oneray):
+        """They have no standard errors by design: the line says so, and what to do."""
+        a, b = tmp_path / "a.exr", self.image(tmp_path / "b.exr", 0.5)
+        scene = HERE.parent / "scenes/furnace.xml"
+        subprocess.run([oneray, scene, "-o", a, "--spp", "4", "--sampler", "sobol"], check=True)
+        done = raycheck("compare", b, a)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+        assert "a.exr: made with --sampler sobol, whose noise only other seeds show" in done.stderr
+
     def test_other_size(self, tmp_path):
         a = self.image(tmp_path / "a.exr", 0.5)
         channels = {f"{p}{c}": np.ones((4, 4)) for p in ("", "stderr.") for c in "RGB"}

@@ -76,6 +76,19 @@ def test_one_sample_has_no_standard_error(oneray: Path, tmp_path: Path) -> None:
     assert list(oiio.ImageBuf(str(tmp_path / "out.exr")).spec().channelnames) == ["R", "G", "B"]
 
 
+def test_sobol_points_have_no_standard_error(oneray: Path, tmp_path: Path) -> None:
+    """Their spread is not that of a mean of independent samples. Picture and figures name the sampler."""
+    for sampler, channels in (("sobol", ["R", "G", "B"]), ("independent", None)):
+        options = ["-o", tmp_path / "out.exr", "--spp", "16", "--sampler", sampler, "--stats", "-"]
+        done = run(oneray, BOX, *options)
+        assert done.returncode == 0, done.stderr
+        stats, spec = json.loads(done.stdout), oiio.ImageBuf(str(tmp_path / "out.exr")).spec()
+        assert channels is None or list(spec.channelnames) == channels
+        assert f"--sampler {sampler}" in stats["technique"]
+        assert f"--sampler {sampler} " in spec.getattribute("oneray")
+        assert ("Sobol' points" in stats["features"]) == (sampler == "sobol")
+
+
 def test_constant_pixels_have_no_error_at_all(oneray: Path, tmp_path: Path) -> None:
     """Where every sample is the same, the standard error is exactly 0, also at odd counts."""
     assert run(oneray, BOX, "-Ddepth=1", "-o", tmp_path / "out.exr", "--spp", "37").returncode == 0
@@ -117,7 +130,13 @@ def test_sample_count_is_the_scenes_unless_given(oneray: Path) -> None:
 def test_a_signal_leaves_no_half_file(oneray: Path, tmp_path: Path, number: signal.Signals) -> None:
     """Ended in the middle of the render: no picture, no temporary file, and an older picture untouched."""
     (tmp_path / "out.exr").write_bytes(b"older")
-    process = subprocess.Popen([oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "1000000"])
+
+    def heed() -> None:  # what runs the tests may ignore it, and oneray would take that over
+        if number != signal.SIGKILL:
+            signal.signal(number, signal.SIG_DFL)
+
+    command = [oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "1000000"]
+    process = subprocess.Popen(command, preexec_fn=heed)
     time.sleep(0.3)
     process.send_signal(number)
     assert process.wait(10) == -number
@@ -184,6 +203,7 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ),
         ([BOX, "--mis-pdf", "survival", "--roulette", "none", "-o", "out.exr"], "every path survives"),
         ([BOX, "--light-points", "corner", "-o", "out.exr"], "is not supported (area, facing, cone)"),
+        ([BOX, "--sampler", "halton", "-o", "out.exr"], "is not supported (independent, sobol)"),
         ([BOX, "--light-choice", "best", "-o", "out.exr"], "(uniform, power, contribution, learned)"),
         ([BOX, "--mis", "power", "--estimator", "nee", "-o", "out.exr"], "goes with --estimator mis only"),
         ([BOX, "--light-choice", "power", "--estimator", "walk", "-o", "out.exr"], "sends no ray to a light"),
@@ -193,7 +213,7 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ([BOX, "-Ddepth=3", "-Ddepth=4", "-o", "out.exr"], "is given twice"),
         ([BOX, "-Ddepth", "-o", "out.exr"], "-Dname=value is wanted"),
         ([BOX, "--lanes", "3", "-o", "out.exr"], "no such kernel"),
-        ([BOX, "--precision", "half", "-o", "out.exr"], "is not supported (double, single)"),
+        ([BOX, "--precision", "half", "-o", "out.exr"], "is not supported (auto, double, single)"),
         ([BOX, "--samples", "0:4", "-o", "out.exr"], "--samples and --film go together"),
         ([BOX, "--samples", "4", "--film", "a.film"], "FIRST:COUNT is wanted"),
         ([BOX, "--bounces", "4", "-o", "out.exr"], "--bounces is no option"),

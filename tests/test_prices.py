@@ -12,6 +12,8 @@ import pytest
 
 from raycheck import prices
 from raycheck.prices import Measurement, Spread
+from raycheck.references import variant
+from raycheck.tasks import oneray_agenda
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -31,6 +33,26 @@ def measured(variance: float, seconds: float) -> Measurement:
 def test_variance_of_a_sample_from_the_error_of_the_mean() -> None:
     stderr = np.array([[[0.1, 0.2, 0.3]]])
     assert prices.sample_variance(stderr, 100) == pytest.approx(100 * (0.01 + 0.04 + 0.09) / 3)
+
+
+def test_variance_from_two_pictures() -> None:
+    """On average that of the mean, times the samples: what standard errors say of independent samples."""
+    generator = np.random.default_rng(3)
+    one, other = 0.5 + 0.1 * generator.standard_normal((2, 100, 100, 3))
+    assert prices.pair_variance(one, other, 64).mean() == pytest.approx(64 * 0.01, rel=0.05)
+
+
+def test_sobol_points_are_priced_by_two_pictures(oneray: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Direct light: variance times samples falls with the samples, where that of independent ones stays. The
+    pictures have 4096 pixels, so that the ratios are known to a few percent.
+    """
+    monkeypatch.setenv("ONERAY", str(oneray))
+    agenda = oneray_agenda([variant("cornell-box@depth=2")], ("mis-default", "mis-sobol"))
+    chance, sobol = ([prices.measure(task, n, 5).variance.mean() for n in (16, 64)] for task in agenda.tasks)
+    assert chance[1] == pytest.approx(chance[0], rel=0.15)
+    assert sobol[1] < 0.7 * sobol[0] and sobol[1] < chance[1] / 10
+    spp = prices.samples_for(agenda.tasks[1], 0.1, 6)
+    assert spp >= prices.LEAST_SPP and spp & (spp - 1) == 0
 
 
 def test_efficiency_is_one_over_variance_times_time() -> None:
@@ -85,6 +107,7 @@ def test_the_command(oneray: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert "point-light, 3 rounds, against nee" in done.stdout
     assert "nee *" in done.stdout and "may be infinite" in done.stdout
     assert "light is left out: pixel" in done.stdout
+    assert "mis-sobol: the variance of 8 samples, times 8; more have less." in done.stdout
     found = prices.read(file)
     assert [one.scene for one in found] == ["touching-light", "point-light", "glass-ball"]
     for one in found:

@@ -22,6 +22,7 @@ TECHNIQUES = {
     "walk": ["--estimator", "walk"],
     "learned": ["--light-choice", "learned", "--light-points", "facing", "--mis-pdf", "survival"],
     "light": ["--estimator", "light"],
+    "sobol": ["--sampler", "sobol"],
 }
 
 
@@ -109,17 +110,20 @@ def pixels(path: Path) -> np.ndarray:
     return image.get_pixels(oiio.FLOAT)
 
 
+@pytest.mark.parametrize(("sampler", "channels"), [("independent", 6), ("sobol", 3)])
 @pytest.mark.parametrize("pieces", [["0:64"], ["0:31", "31:33"], ["50:14", "0:1", "1:49"], ["0:32", "32:32"]])
-def test_merged_pieces(oneray: Path, tmp_path: Path, pieces: list[str]) -> None:
-    """Ranges of samples merged, in any order, are the whole picture, standard error and all."""
-    scene = ROOT / "tests/everything.xml"
-    subprocess.run([oneray, scene, "--spp", "64", "-o", tmp_path / "whole.exr"], check=True)
+def test_merged_pieces(oneray: Path, tmp_path: Path, pieces: list[str], sampler: str, channels: int) -> None:
+    """Ranges of samples merged, in any order, are the whole picture, standard error and all, which Sobol'
+    points do not have.
+    """
+    scene, options = ROOT / "tests/everything.xml", ("--sampler", sampler)
+    subprocess.run([oneray, scene, "--spp", "64", "-o", tmp_path / "whole.exr", *options], check=True)
     parts = [tmp_path / f"{number}.film" for number in range(len(pieces))]
     for part, piece in zip(parts, pieces, strict=True):
-        film(oneray, scene, part, samples=piece)
+        film(oneray, scene, part, *options, samples=piece)
     subprocess.run([oneray, "merge", *parts, "-o", tmp_path / "merged.exr"], check=True)
     whole = pixels(tmp_path / "whole.exr")
-    assert whole.shape == (11, 19, 6)
+    assert whole.shape == (11, 19, channels)
     np.testing.assert_array_equal(pixels(tmp_path / "merged.exr"), whole)
 
 
@@ -131,6 +135,7 @@ def test_merged_pieces(oneray: Path, tmp_path: Path, pieces: list[str]) -> None:
         (["--samples", "4:8"], "samples 4 to 7 are in two films"),
         (["--samples", "8:8", "--seed", "1"], "is a film of something else"),
         (["--samples", "8:8", "--estimator", "nee"], "is a film of something else"),
+        (["--samples", "8:8", "--sampler", "sobol"], "is a film of something else"),
         (["--samples", "8:8", "-Dhide=true"], "is a film of something else"),
     ],
 )

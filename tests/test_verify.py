@@ -21,6 +21,7 @@ from raycheck.renderers import Command, NotFound, RenderError, split_command
 from raycheck.techniques import TECHNIQUES, applicable, read_content, technique
 from raycheck.truth import truth_of
 from raycheck.verdict import Outcome
+from raycheck.verify import PILOT_SPP
 
 HERE = Path(__file__).parent
 SCENE = "point-light"
@@ -337,7 +338,7 @@ class TestRun:
 
     def test_techniques_fit_the_scenes(self, scene):
         names = {s: {t.name for t in applicable(read_content(scene(s)))} for s in references.scene_names()}
-        assert names["point-light"] == {"nee", "mis-power", "light"}
+        assert names["point-light"] == {"nee", "mis-power", "mis-sobol", "light"}
         assert "nee-uniform-choice" in names["many-lights"]
         assert "nee-uniform-choice" not in names["area-light"]
         assert set().union(*names.values()) == {t.name for t in TECHNIQUES}
@@ -346,6 +347,16 @@ class TestRun:
         monkeypatch.setenv("ONERAY", str(oneray))
         [case] = raycheck.verify(scenes=["area-light"], techniques=["mis-power"], spp=16).cases
         assert case.verdict is not Outcome.FAIL
+
+    @pytest.mark.parametrize("scene", [SCENE, "open-sky"])
+    def test_sobol_points(self, oneray, monkeypatch, scene):
+        """Judged by the spread between seeds; a plan of fewer samples than the pilot's, from which it cannot
+        know the noise of fewer, is not followed.
+        """
+        monkeypatch.setenv("ONERAY", str(oneray))
+        [case] = raycheck.verify(scenes=[scene], techniques=["mis-sobol"]).cases
+        assert case.verdict is Outcome.PASS
+        assert case.spp >= PILOT_SPP
 
     def test_resumed(self, truth):
         """A verdict stands while renderer, settings and reference are the same, else it falls."""

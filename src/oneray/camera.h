@@ -16,7 +16,7 @@ typedef struct {
 
 /* The ray through the point (x, y) of the film, in pixels from its upper left corner. It starts on the near
    plane and ends on the far plane, as Mitsuba's does. */
-INLINE Ray camera_ray(const Camera *camera, Real x, Real y)
+STAGE Ray camera_ray(const Camera *camera, Real x, Real y)
 {
     Real a = real(1) - x * real(camera->pixel_width), b = real(1) - y * real(camera->pixel_height);
     Vec d = vec_add(vec_of(camera->forward),

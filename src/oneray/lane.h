@@ -32,6 +32,7 @@ typedef uint32_t Word;
 #define SQRT sqrtf
 #define VECTOR_SQRT(prefix) prefix##_sqrt_ps
 #define VECTOR_BITS(prefix) prefix##_movemask_ps
+#define VECTOR_BLEND(prefix) prefix##_blendv_ps
 #define MASK_BITS_512 _mm512_movepi32_mask
 #else
 typedef double Num;
@@ -42,12 +43,21 @@ typedef uint64_t Word;
 #define SQRT sqrt
 #define VECTOR_SQRT(prefix) prefix##_sqrt_pd
 #define VECTOR_BITS(prefix) prefix##_movemask_pd
+#define VECTOR_BLEND(prefix) prefix##_blendv_pd
 #define MASK_BITS_512 _mm512_movepi64_mask
 #endif
 #define VECTOR_BYTES (LANES * NUM_BYTES)
 #define SIGN_BIT ((uint64_t)1 << (8 * NUM_BYTES - 1))
 
 #define INLINE static inline __attribute__((always_inline, unused))
+
+/* A larger step: part of each specialised instance, where the feature mask is a constant and what it lacks folds
+   away; in the generic kernel a function that all calls share. */
+#ifdef SPECIALISED
+#define STAGE INLINE
+#else
+#define STAGE static __attribute__((unused))
+#endif
 
 #if LANES == 1
 typedef Num Real;
@@ -95,6 +105,36 @@ INLINE Bits bits_of(uint64_t a)
 #endif
 }
 
+/* The product of the low halves of each 64 bits: one instruction where there is one, which the compiler does not
+   find by itself. */
+#if LANES > 1
+typedef uint64_t Pairs __attribute__((vector_size(VECTOR_BYTES)));
+INLINE Pairs multiply_halves(Pairs a, Pairs b)
+{
+#if VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return (Pairs)_mm512_mul_epu32((__m512i)a, (__m512i)b);
+#elif VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Pairs)_mm256_mul_epu32((__m256i)a, (__m256i)b);
+#elif VECTOR_BYTES == 16 && defined(__SSE2__)
+    return (Pairs)_mm_mul_epu32((__m128i)a, (__m128i)b);
+#else
+    return (a & 0xFFFFFFFFu) * (b & 0xFFFFFFFFu);
+#endif
+}
+#endif
+
+/* a·b of their low 32 bits: 32 bits of it (single) or all 64 (double). */
+INLINE Bits multiply_low(Bits a, Bits b)
+{
+#if defined(SINGLE)
+    return a * b;
+#elif LANES == 1
+    return (a & 0xFFFFFFFFu) * (b & 0xFFFFFFFFu);
+#else
+    return multiply_halves(a, b);
+#endif
+}
+
 /* One lane's number, and setting it. */
 #if LANES == 1
 #define LANE(a, i) (a)
@@ -114,9 +154,13 @@ INLINE Mask mask_all(void) { return (Mask){0} - 1; }
 INLINE Mask mask_not(Mask m) { return ~m; }
 INLINE Real select(Mask m, Real a, Real b)
 {
+#if VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)VECTOR_BLEND(_mm256)(b, a, (Real)m);
+#else
     return bits_real(((Bits)m & real_bits(a)) | (~(Bits)m & real_bits(b)));
+#endif
 }
-INLINE Index index_select(Mask m, Index a, Index b) { return (m & a) | (~m & b); }
+INLINE Index index_select(Mask m, Index a, Index b) { return (Index)select(m, (Real)a, (Real)b); }
 #endif
 
 /* A bit a lane, lane 0 lowest. */
@@ -217,7 +261,7 @@ INLINE Index real_floor(Real a)
 
 /* sine and cosine of 2π u, 0 <= u < 1. The angle is folded to an eighth of a turn either side of the nearest
    quarter; there the Taylor series reach 1e-17 (double: x^15, x^16) or 1e-8 (single: x^7, x^8). */
-INLINE void sincos_turn(Real u, Real *sine, Real *cosine)
+STAGE void sincos_turn(Real u, Real *sine, Real *cosine)
 {
     Real quarters = real(4) * u;
     Index quarter = real_floor(quarters + real(0.5));
@@ -245,19 +289,29 @@ INLINE void sincos_turn(Real u, Real *sine, Real *cosine)
     *cosine = select(upper, -cosine_of, cosine_of);
 }
 
-/* The angle of (x, y) in [0, π], for y >= 0, not both 0. Halving the angle twice, tan(a/2) = t/(1+√(1+t²)),
-   brings it below π/16, where the series of the arctangent reaches 1e-17 at t^21. */
-INLINE Real angle_of(Real y, Real x)
+/* The angle of (x, y) in [0, π], for y >= 0, not both 0. Folded to an eighth of a turn and turned back by 0, 1
+   or 2 sixteenths it is below π/16, where the series of the arctangent reaches 1e-17 at t^21 (double) or 1e-9
+   at t^9 (single). */
+STAGE Real angle_of(Real y, Real x)
 {
-    Mask steep = y > real_abs(x);
-    Real t = select(steep, real_abs(x) / y, y / real_abs(x));
-    t = t / (real(1) + real_sqrt(real(1) + t * t));
-    t = t / (real(1) + real_sqrt(real(1) + t * t));
-    Real tt = t * t, sum = real(1 / 21.0);
-    for (int n = 19; n > 0; n -= 2)
+#ifdef SINGLE
+    const int last = 9;
+#else
+    const int last = 21;
+#endif
+    Real a = real_abs(x), low = real_min(y, a), high = real_max(y, a);
+    Mask one = low > real(0.19891236737965800691) * high; /* tan π/16 */
+    Mask two = low > real(0.66817863791929891999) * high; /* tan 3π/16 */
+    Real back_cos = select(two, real(0.70710678118654752440), real(0.92387953251128675613));
+    Real back_sin = select(two, real(0.70710678118654752440), real(0.38268343236508977173));
+    Real t_num = select(one, low * back_cos - high * back_sin, low);
+    Real t_den = select(one, high * back_cos + low * back_sin, high);
+    Real t = t_num / t_den, tt = t * t, sum = real(1.0 / last);
+    for (int n = last - 2; n > 0; n -= 2)
         sum = real(1.0 / n) - tt * sum;
-    Real angle = real(4) * t * sum;
-    angle = select(steep, real(1.57079632679489661923) - angle, angle);
+    Real turned = select(two, real(0.78539816339744830962), real(0.39269908169872415481));
+    Real angle = t * sum + only(one, turned);
+    angle = select(y > a, real(1.57079632679489661923) - angle, angle);
     return select(x < real(0), REAL_PI - angle, angle);
 }
 

@@ -152,7 +152,7 @@ INLINE Real angle_of_cosines(Real a, Real b)
     return select(a + b < real(0), real(2) * REAL_PI - angle, angle);
 }
 
-INLINE RectangleView view_rectangle(const Lights *lights, Index i, const Receiver *at, Features f)
+STAGE RectangleView view_rectangle(const Lights *lights, Index i, const Receiver *at, Features f)
 {
     RectangleView view;
     const Num *half = &lights->half[0][0];
@@ -228,11 +228,11 @@ INLINE Real inverse_pdf_w_point(const Lights *lights, Index i, Real distance_squ
 }
 
 /* The same for a light that the ray from `at` has hit. */
-INLINE Real inverse_pdf_w_hit(
+STAGE Real inverse_pdf_w_hit(
     const Lights *lights, Index i, const Receiver *at, Real distance, Real cosine, Features f)
 {
-    SphereView sphere;
-    RectangleView rectangle;
+    SphereView sphere = {0};
+    RectangleView rectangle = {0};
     if (f & (USE_FACING | USE_CONE))
         sphere = view_sphere(lights, i, at, f);
     if (f & USE_SOLID_ANGLE)
@@ -312,7 +312,7 @@ INLINE Real falloff_of(const Lights *lights, Index i, Vec wi, Features f)
     Vec axis = vec_of_light(lights->edge_x, i, f);
     Real angle = angle_of(vec_length(vec_cross(axis, wi)), -vec_dot(axis, wi));
     Real falloff = spot_falloff(angle, of_light(lights->beam, i, f), of_light(lights->cutoff, i, f));
-    return f & HAS_MANY_LIGHTS ? select(light_is(lights, SITE_SPOT, i, f), falloff, real(1)) : falloff;
+    return select(light_is(lights, SITE_SPOT, i, f), falloff, real(1));
 }
 
 /* L1, L2 Towards a light at a place: E = I cosθ/d² from a point light (I in W·sr⁻¹: Mitsuba's intensity, the
@@ -322,8 +322,8 @@ INLINE void sample_near_light(
     const Lights *lights, Index i, const Receiver *at, Real u, Real v, LightSample *s, Features f)
 {
     Vec point = vec_of_light(lights->position, i, f), normal = vec_all(real(0));
-    SphereView sphere;
-    RectangleView rectangle;
+    SphereView sphere = {0};
+    RectangleView rectangle = {0};
     Mask area = mask_none();
     if (f & HAS_AREA) {
         area = index_of_light(lights->slot, i, f) >= 0;
@@ -364,7 +364,7 @@ INLINE void sample_near_light(
 }
 
 /* One ray to light i: (u, v) is the point on it. */
-INLINE LightSample sample_light_point(
+STAGE LightSample sample_light_point(
     const Lights *lights, Index i, Real inverse_choice, const Receiver *at, Real u, Real v, Features f)
 {
     LightSample s = {vec_all(real(0)), real(NUM_MAX), vec_all(real(0)), real(0), index_of(-1), i};

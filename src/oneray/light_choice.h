@@ -18,7 +18,7 @@
    certain: below the receiver's horizon, or behind every normal. After Conty Estévez & Kulla, Importance
    Sampling of Many Lights with Adaptive Tree Splitting, HPG 2018, who take the best itself: near a node the
    true contributions are far below it. */
-INLINE Real node_importance(const LightTree *tree, Index node, const Receiver *at)
+STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at)
 {
     const Num *first = tree->nodes;
     Index row = node * NODE_NUMBERS;
@@ -62,7 +62,7 @@ INLINE Real learned_visibility(const LightTree *tree, Index region, Index node)
 /* L6 Down the tree to one light, by the children's importance or, with uniform_share, by their counts, either
    way never into a child of importance 0: p_i = (1 - share) p_contribution + share p_count. `trail`, where a
    lane follows it, says which light to go to: what is wanted is then its probability. Returns 1/p_i. */
-INLINE Real walk_tree(
+STAGE Real walk_tree(
     const LightTree *tree, const Receiver *at, Mask follow, Index trail, Real u, Real v, Index *light, Features f)
 {
     Real share = real(tree->uniform_share), p_count = real(1), p_contribution = real(1);
@@ -121,7 +121,7 @@ INLINE Index choose_light(
 }
 
 /* 1/p_i of a light that was hit: what choose_light would have said. */
-INLINE Real inverse_choice_of(const Lights *lights, const Receiver *at, Index i, Features f)
+STAGE Real inverse_choice_of(const Lights *lights, const Receiver *at, Index i, Features f)
 {
     if (!(f & HAS_MANY_LIGHTS))
         return real(1);

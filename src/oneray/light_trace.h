@@ -63,11 +63,11 @@ INLINE void emit_far(
 }
 
 /* The first ray of a light path, and the flux that it carries. */
-INLINE void start_at_light(Start *start, const Scene *scene, Features f)
+STAGE void start_at_light(Start *start, const Scene *scene, Features f)
 {
     const Lights *lights = &scene->lights;
-    Uniforms place = rng_block(&start->rng, index_of(0), DIMENSION_LIGHT);
-    Uniforms way = rng_block(&start->rng, index_of(0), DIMENSION_CAMERA);
+    Uniforms place = random_block(&start->rng, index_of(0), DIMENSION_LIGHT, f);
+    Uniforms way = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
     Real inverse_choice;
     Index i = choose_light(lights, NULL, place.u[0], place.u[3], &inverse_choice, f);
     start->ray = (Ray){vec_all(real(0)), vec_all(real(1)), real(NUM_MAX), index_of(-1)};
@@ -124,7 +124,7 @@ INLINE void join_eye(
 }
 
 /* One vertex of a light path. Its n-th is the eye's path of n + 1 rays: max_depth counts those. */
-INLINE void light_step(Path *path, const Scene *scene, const size_t items[], Splats *splats, Features f)
+STAGE void light_step(Path *path, const Scene *scene, const size_t items[], Splats *splats, Features f)
 {
     path->rays += path->alive;
     Hit hit = shapes_hit(&scene->shapes, &path->ray, path->alive, mask_none(), f);

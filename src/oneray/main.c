@@ -3,6 +3,7 @@
 #include "film.h"
 #include "message.h"
 #include "options.h"
+#include "precision.h"
 #include "output.h"
 #include "render.h"
 #include "version.h"
@@ -60,6 +61,8 @@ static void print_stats(FILE *stream, const Options *options, const Film *film, 
     json_text(stream, options->scene);
     fprintf(stream, ",\n  \"kernel\": \"%s\",\n  \"precision\": \"%s\",\n  \"lanes\": %d,\n",
         options->generic ? "generic" : kernel->instance(prepared), kernel->precision, kernel->lanes);
+    if (*options->precision_reason)
+        fprintf(stream, "  \"precision_chosen_for\": \"%s\",\n", options->precision_reason);
     json_features(stream, "features", kernel->features(prepared));
     json_features(stream, "left_out", EVERY_FEATURE & ~kernel->features(prepared));
     fprintf(stream, "  \"technique\": \"%s\",\n  \"width\": %d,\n  \"height\": %d,\n", technique, film->width,
@@ -95,11 +98,15 @@ static void write_stats(const Options *options, const Film *film, const Kernel *
     output_done(options->stats, temporary);
 }
 
+/* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
+   points balance each other, so that it takes other seeds to know. The identity names the sampler. */
+static int has_error(const Film *film) { return !strstr(film->identity, " --sampler sobol "); }
+
 static void write_picture(const Film *film, double render_seconds, const char *kernel, const char *file)
 {
     size_t numbers = 3 * (size_t)film->width * (size_t)film->height;
     float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
-    int known = film_estimate(film, mean, error);
+    int known = film_estimate(film, mean, error) && has_error(film);
     Picture picture = {film->width, film->height, mean, known ? error : NULL, film_samples(film),
         render_seconds, film->identity, kernel};
     exr_write_picture(&picture, file);
@@ -148,12 +155,12 @@ static void identify(Film *film, const Options *options, const Description *scen
         scene->hash, technique, options->precision, options->seed);
 }
 
-static int render_scene(const Options *options)
+static int render_scene(Options *options)
 {
     Seconds seconds = {0};
     double start = seconds_now();
     Description *scene =
-        description_read(options->scene, (Parameter *)options->parameters, options->parameter_count);
+        description_read(options->scene, options->parameters, options->parameter_count);
     options_check(options, scene);
     char **inputs = allocate((size_t)scene->mesh_file_count + 1, sizeof *inputs);
     inputs[0] = (char *)options->scene;
@@ -171,8 +178,11 @@ static int render_scene(const Options *options)
     free(inputs);
     seconds.load = seconds_now() - start;
 
-    const Kernel *kernel = kernel_find(options->precision, options->lanes);
     start = seconds_now();
+    if (!strcmp(options->precision, "auto"))
+        options->precision =
+            precision_for(scene, options->precision_reason, (int)sizeof options->precision_reason);
+    const Kernel *kernel = options_kernel(options);
     void *prepared = kernel->prepare(scene, &options->technique);
     seconds.build = seconds_now() - start;
 

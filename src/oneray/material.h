@@ -36,7 +36,7 @@ typedef struct {
 #define HAS_SPECULAR (HAS_CONDUCTOR | HAS_DIELECTRIC)
 
 /* front: does the ray come to the side that light shines from? */
-INLINE Surface surface_at(
+STAGE Surface surface_at(
     const Shapes *shapes, const Materials *materials, const Ray *ray, Hit hit, Mask *front, Features f)
 {
     Surface s;
@@ -180,7 +180,7 @@ INLINE Index choose_layer(const Materials *materials, const Surface *s, Real u)
 }
 
 /* One direction by the material: u[0], u[1] the direction, u[3] the part of a mixed material. */
-INLINE Scatter sample_material(const Materials *materials, const Surface *s, const Real u[4], Features f)
+STAGE Scatter sample_material(const Materials *materials, const Surface *s, const Real u[4], Features f)
 {
     Scatter scatter = {s->n, s->albedo, real(0), s->specular, real(1)};
     if (f & HAS_DIFFUSE)

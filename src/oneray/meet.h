@@ -24,7 +24,7 @@ INLINE Crossing crossing_of_slot(const Shapes *shapes, int slot, const Ray *ray,
     return c;
 }
 
-INLINE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
+STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
 {
     if (slot >= shapes->sphere_slot)
         return ball_meets(shapes, slot - shapes->sphere_slot, slot, ray, at);
@@ -36,7 +36,7 @@ INLINE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
     return within & (c.num > real(0)) & (ray->from != index_of(slot));
 }
 
-INLINE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target)
+STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target)
 {
     if (slot >= shapes->sphere_slot)
         return ball_blocks(shapes, slot - shapes->sphere_slot, slot, ray, target);
@@ -57,7 +57,7 @@ INLINE Mask one_lane(int lane)
 
 /* The nearest by the tree of all but triangles: each lane's ray by itself. At a leaf all lanes look at the
    shape, and only that one counts. */
-INLINE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
     Hit hit = {ray->tmax, index_of(-1)}, at;
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -83,7 +83,7 @@ INLINE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidi
     return hit;
 }
 
-INLINE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
 {
     Mask blocked = mask_none();
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -105,7 +105,7 @@ INLINE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index
     return blocked;
 }
 
-INLINE void triangles_hit(
+STAGE void triangles_hit(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Hit *hit, Features f)
 {
     unsigned hidden = f & HAS_HIDDEN ? mask_bits(hiding) : 0;
@@ -122,7 +122,7 @@ INLINE void triangles_hit(
     }
 }
 
-INLINE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target)
 {
     Mask blocked = mask_none();
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -138,7 +138,7 @@ INLINE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active,
 }
 
 /* What the rays of the active lanes meet first. */
-INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
     Hit hit;
     if (f & HAS_TREE) {
@@ -154,7 +154,7 @@ INLINE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hi
 
 /* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for
    none. */
-INLINE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
+STAGE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
     Mask blocked =
         f & HAS_TREE ? tree_blocks(shapes, ray, active, target) : each_blocks(shapes, ray, target, f);
@@ -176,7 +176,7 @@ INLINE Index row_of_slot(const Shapes *shapes, Index slot, Features f)
 /* The point of the surface and its unit normal (turned over by flip_normals); `face` is the normal of the
    surface itself where n is interpolated. The point is put onto the surface by the surface's own equation, so
    that it keeps full precision however long the ray was. */
-INLINE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Index row, Real t, Vec *p,
+STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Index row, Real t, Vec *p,
     Vec *n, Vec *face, Features f)
 {
     Vec anchor = vec_gather((const Num(*)[3])shapes->anchor, row);

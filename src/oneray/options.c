@@ -29,6 +29,7 @@ enum {
     CHOICE_MIS_PDF,
     CHOICE_ROULETTE,
     CHOICE_FRESNEL,
+    CHOICE_SAMPLER,
     CHOICES
 };
 
@@ -59,6 +60,9 @@ static const Choice choices[CHOICES] = {
             {"survival", "L14 from rr_depth on it survives with min(1, throughput)"}}},
     {"--fresnel", "reflectance of glass", FRESNEL_EXACT,
         {{"exact", "L15 Fresnel's"}, {"schlick", "L15 Schlick's approximation: another picture, a little wrong"}}},
+    {"--sampler", "where the samples of a pixel lie; for pictures, not of the lecture", SAMPLER_INDEPENDENT,
+        {{"independent", "by chance, what the lecture's variances and the standard errors are about"},
+            {"sobol", "evenly (Owen-scrambled Sobol' points): less noise, no standard errors"}}},
 };
 
 static const char usage[] =
@@ -68,7 +72,7 @@ static const char usage[] =
     "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each\n"
     "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n"
     "\n"
-    "  -o OUT.exr             mean and standard error of each pixel\n"
+    "  -o OUT.exr             mean and standard error of each pixel (no error with --sampler sobol)\n"
     "  -Dname=value           sets a <default> of the scene\n"
     "  --spp N                samples per pixel, instead of the scene's sample_count\n"
     "  --time SECONDS         as many samples per pixel as the time allows, at least one\n"
@@ -77,7 +81,8 @@ static const char usage[] =
 static const char usage_end[] =
     "  --samples FIRST:COUNT  only these samples of each pixel, into --film PART.film; `oneray merge`\n"
     "                         joins the parts to the very picture that one run would have made\n"
-    "  --precision double*|single\n"
+    "  --precision auto*|double|single\n"
+    "                         auto: single where the scene's sizes, gaps, lights and depth allow it\n"
     "  --lanes auto*|N        paths at once; the bits do not depend on it\n"
     "  --kernel auto*|generic specialised for what the scene has, or the general one; the same bits\n"
     "  --stats FILE|-         figures as JSON (- for standard output)\n"
@@ -193,10 +198,11 @@ static void with_word(Options *o, int given[CHOICES], const char *name, const ch
         o->film = word;
     else if (!strcmp(name, "--stats"))
         o->stats = word;
-    else if (!strcmp(name, "--precision") && (!strcmp(word, "double") || !strcmp(word, "single")))
+    else if (!strcmp(name, "--precision")
+             && (!strcmp(word, "auto") || !strcmp(word, "double") || !strcmp(word, "single")))
         o->precision = word;
     else if (!strcmp(name, "--precision"))
-        die("--precision %s is not supported (double, single)", word);
+        die("--precision %s is not supported (auto, double, single)", word);
     else if (!strcmp(name, "--kernel") && (!strcmp(word, "auto") || !strcmp(word, "generic")))
         o->generic = !strcmp(word, "generic");
     else if (!strcmp(name, "--kernel"))
@@ -222,6 +228,15 @@ static void check_technique(const Technique *t, const int given[CHOICES])
         die("--mis-pdf survival: with --roulette none every path survives");
 }
 
+const Kernel *options_kernel(const Options *o)
+{
+    const Kernel *kernel = kernel_find(o->precision, o->lanes);
+    if (!kernel)
+        die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)",
+            o->lanes, o->precision);
+    return kernel;
+}
+
 /* What can be seen to make no sense before the scene is read. `given` is -1 for an option that was not. */
 static void check_given(Options *o, const int given[CHOICES])
 {
@@ -238,9 +253,8 @@ static void check_given(Options *o, const int given[CHOICES])
         die("--film writes a part; `oneray merge PART.film ... -o OUT.exr` makes the picture");
     if (!o->film && !o->output && !o->stats)
         die("nothing to do: give -o OUT.exr (or --stats - for the figures alone)");
-    if (!kernel_find(o->precision, o->lanes))
-        die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)",
-            o->lanes, o->precision);
+    if (strcmp(o->precision, "auto"))
+        options_kernel(o);
 }
 
 static void flag(Options *options, const char *word)
@@ -278,7 +292,7 @@ Options options_read(int count, char **words)
 {
     Options o = {0};
     int given[CHOICES];
-    o.precision = "double";
+    o.precision = "auto";
     for (int i = 0; i < CHOICES; i++)
         given[i] = -1;
     for (int i = 1; i < count; i++) {
@@ -298,7 +312,8 @@ Options options_read(int count, char **words)
         value[CHOICE_LIGHT] = LIGHT_CHOICE_POWER;
     o.technique = (Technique){(Estimator)value[CHOICE_ESTIMATOR], (Hemisphere)value[CHOICE_HEMISPHERE],
         (LightChoice)value[CHOICE_LIGHT], (LightPoints)value[CHOICE_POINTS], (MisHeuristic)value[CHOICE_MIS],
-        (MisPdf)value[CHOICE_MIS_PDF], (Roulette)value[CHOICE_ROULETTE], (Fresnel)value[CHOICE_FRESNEL]};
+        (MisPdf)value[CHOICE_MIS_PDF], (Roulette)value[CHOICE_ROULETTE], (Fresnel)value[CHOICE_FRESNEL],
+        (Sampler)value[CHOICE_SAMPLER]};
     check_given(&o, given);
     return o;
 }
@@ -359,7 +374,8 @@ static bool says_something(int choice, Estimator estimator)
 void options_technique(const Technique *t, char *text, int size)
 {
     const int value[CHOICES] = {(int)t->estimator, (int)t->hemisphere, (int)t->light_choice,
-        (int)t->light_points, (int)t->mis, (int)t->mis_pdf, (int)t->roulette, (int)t->fresnel};
+        (int)t->light_points, (int)t->mis, (int)t->mis_pdf, (int)t->roulette, (int)t->fresnel,
+        (int)t->sampler};
     for (int i = 0, used = 0; i < CHOICES; i++)
         if (says_something(i, t->estimator))
             used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", choices[i].name,

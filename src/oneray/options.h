@@ -3,6 +3,7 @@
 #define ONERAY_OPTIONS_H
 
 #include "description.h"
+#include "kernel.h"
 #include "technique.h"
 
 #include <stdbool.h>
@@ -18,7 +19,8 @@ typedef struct {
     double seconds;                            /* 0: no limit */
     uint64_t seed, first_sample, sample_count; /* sample_count 0: not a part */
     Technique technique;
-    const char *precision;
+    const char *precision;     /* "auto" until the scene is known */
+    char precision_reason[128]; /* why, where it was auto */
     int lanes; /* 0: the widest */
     bool generic, quiet;
 } Options;
@@ -29,6 +31,10 @@ Options options_read(int count, char **words);
 
 /* Ends the program if the scene does not go with the options: says why. */
 void options_check(const Options *options, const Description *scene);
+
+/* The kernel of the precision, which is no longer "auto", and of the lanes that were asked for; ends the program
+   if there is none. */
+const Kernel *options_kernel(const Options *options);
 
 /* The technique in words of the command line, "--estimator mis --hemisphere cosine …", at most size
    characters. */

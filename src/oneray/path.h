@@ -29,9 +29,9 @@ typedef struct {
     Vec flux; /* of a light path */
 } Start;
 
-INLINE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y)
+STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y, Features f)
 {
-    Uniforms film = rng_block(&start->rng, index_of(0), DIMENSION_CAMERA);
+    Uniforms film = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
     start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1]);
 }
 
@@ -112,7 +112,7 @@ INLINE Vec environment_met(const Path *path, const Scene *scene, Hit hit, Featur
     return vec_only(missed, light);
 }
 
-INLINE Vec light_met(const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
+STAGE Vec light_met(const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
 {
     Vec light = vec_all(real(0));
     if (f & HAS_AREA)
@@ -148,9 +148,9 @@ INLINE Real pdf_w_bounce(const Path *path, const Scene *scene, const Surface *s,
 
 /* L10 Next event estimation: one ray to one light, L_o ≈ (1/p_i) f_r L V A cosθi cosθo / d². L13: weighed
    where the random walk could have hit that light as well. */
-INLINE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, Features f)
+STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, Features f)
 {
-    Uniforms random = rng_block(&path->rng, path->depth, DIMENSION_LIGHT);
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_LIGHT, f);
     Receiver at = {s->p, s->n, s->slot};
     LightSample sample = sample_light(&scene->lights, &at, random.u, f);
     Real cosine = vec_dot(s->n, sample.wi);
@@ -172,9 +172,9 @@ INLINE void next_event(Path *path, const Scene *scene, const Surface *s, Mask ac
 
 /* The random walk goes on: one ray over the hemisphere (L8, L9), or by the mirror or the glass (L11, L15). L14
    Russian roulette: it goes on with probability q and is divided by it, E[1(u<q) X/q] = E[X]. */
-INLINE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
+STAGE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
 {
-    Uniforms random = rng_block(&path->rng, path->depth, DIMENSION_BOUNCE);
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_BOUNCE, f);
     Scatter scatter = sample_material(&scene->materials, s, random.u, f);
     path->throughput = vec_mul(path->throughput, scatter.factor);
     path->pdf_w = scatter.pdf_w;
@@ -197,7 +197,7 @@ INLINE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
 /* L7 The random walk, by one vertex: L = what the point emits + what it reflects, and the ray recurses. A ray
    that leaves the scene returns no energy. L19: max_depth counts as Mitsuba's, 1 is emission only, 2 direct
    light. */
-INLINE void path_step(Path *path, const Scene *scene, Features f)
+STAGE void path_step(Path *path, const Scene *scene, Features f)
 {
     path->rays += path->alive;
     Mask hiding = f & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();

@@ -113,6 +113,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f |= USE_SCHLICK;
     if (technique->roulette == ROULETTE_SURVIVAL && (d->max_depth < 0 || d->max_depth > d->rr_depth))
         f |= USE_ROULETTE;
+    if (technique->sampler == SAMPLER_SOBOL)
+        f |= USE_SOBOL;
     if (technique->estimator == ESTIMATOR_LIGHT)
         f |= USE_LIGHT_PATHS;
     else if (technique->estimator != ESTIMATOR_WALK && lights > 0 && (f & HAS_DIFFUSE))
@@ -130,7 +132,7 @@ static void *prepare(const Description *d, const Technique *technique)
     prepare_lights(scene, d, technique, first_slot);
     prepare_camera(&scene->camera, &d->sensor);
     scene->max_depth = d->max_depth < 0 || d->max_depth > PATH_LIMIT ? PATH_LIMIT : (Int)d->max_depth;
-    scene->rr_depth = d->rr_depth;
+    scene->rr_depth = scene->features & USE_ROULETTE ? d->rr_depth : PATH_LIMIT;
     scene->width = d->sensor.width;
     scene->height = d->sensor.height;
     free(first_slot);

@@ -7,14 +7,8 @@
 /* The ball around the axis-aligned box of all shapes: what a directional or constant light shines on. */
 static double bounding_ball(const Description *d, double center[3])
 {
-    double low[3] = {0}, high[3] = {0}, half[3], from[3], to[3];
-    for (int i = 0; i < d->shape_count; i++) {
-        box_of(d, &d->shapes[i], from, to);
-        for (int axis = 0; axis < 3; axis++) {
-            low[axis] = i ? fmin(low[axis], from[axis]) : from[axis];
-            high[axis] = i ? fmax(high[axis], to[axis]) : to[axis];
-        }
-    }
+    double low[3], high[3], half[3];
+    bounds_of_scene(d, low, high);
     for (int axis = 0; axis < 3; axis++) {
         center[axis] = (high[axis] + low[axis]) / 2;
         half[axis] = (high[axis] - low[axis]) / 2;

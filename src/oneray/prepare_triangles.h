@@ -188,7 +188,7 @@ static void prepare_shape_tree(Scene *scene, const Description *d, const int *fi
         double low[3], high[3];
         if (d->shapes[i].kind == SHAPE_MESH)
             continue;
-        box_of(d, &d->shapes[i], low, high);
+        bounds_of_shape(d, &d->shapes[i], low, high);
         store(bounds[i].low, low);
         store(bounds[i].high, high);
         bounds_join(&all, bounds[i].low, bounds[i].high);

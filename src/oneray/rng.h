@@ -22,25 +22,21 @@ typedef struct { Real u[4]; } Uniforms;
 
 #define LOW_32 0xFFFFFFFFu
 
-/* The high and low 32 bits of a 32-bit a times a constant. */
+/* The high 32 bits, and in the low half of *low the low ones, of the low half of a times a constant. */
 INLINE void multiply_32(Bits a, uint32_t by, Bits *high, Bits *low)
 {
-#if !defined(SINGLE)
-    Bits product = a * bits_of(by);
+#if LANES == 1
+    uint64_t product = (a & LOW_32) * (uint64_t)by;
+    *high = (Word)(product >> 32);
+    *low = (Word)product;
+#elif !defined(SINGLE)
+    Bits product = multiply_low(a, bits_of(by));
     *high = product >> 32;
-    *low = product & bits_of(LOW_32);
-#elif LANES == 1
-    uint64_t product = (uint64_t)a * by;
-    *high = (uint32_t)(product >> 32);
-    *low = (uint32_t)product;
+    *low = product;
 #else
-    typedef uint64_t Pairs __attribute__((vector_size(sizeof(Bits))));
-    Pairs lanes, even, odd;
-    memcpy(&lanes, &a, sizeof lanes);
-    even = (lanes & LOW_32) * by >> 32;
-    odd = (lanes >> 32) * by & ~(uint64_t)LOW_32;
-    odd |= even;
-    memcpy(high, &odd, sizeof odd);
+    Pairs factor = (Pairs){0} + by;
+    Pairs even = multiply_halves((Pairs)a, factor), odd = multiply_halves((Pairs)a >> 32, factor);
+    *high = (Bits)(even >> 32 | (odd & ~(uint64_t)LOW_32));
     *low = a * bits_of(by);
 #endif
 }
@@ -50,15 +46,15 @@ INLINE Real uniform_of(Bits word)
 #ifdef SINGLE
     return (bits_real((word >> 9) | bits_of(0x3F800000u)) - real(1)) + real(1.0 / 16777216.0);
 #else
-    Real count = bits_real(word | bits_of(0x4330000000000000u)) - real(4503599627370496.0);
+    Real count = bits_real((word & bits_of(LOW_32)) | bits_of(0x4330000000000000u)) - real(4503599627370496.0);
     return (count + real(0.5)) * real(1.0 / 4294967296.0);
 #endif
 }
 
-INLINE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+/* Philox's four words of 32 bits for a counter (a, b, c, d). */
+STAGE void philox(Bits a, Bits b, Bits c, Bits d, const uint32_t key[2], Bits word[4])
 {
-    Bits a = (Bits)(vertex * 2 + dimension), b = rng->sample_low, c = rng->pixel, d = rng->sample_high;
-    uint32_t key_0 = rng->key[0], key_1 = rng->key[1];
+    uint32_t key_0 = key[0], key_1 = key[1];
     for (int round = 0; round < 7; round++) {
         Bits high_a, low_a, high_c, low_c;
         multiply_32(a, 0xD2511F53u, &high_a, &low_a);
@@ -70,7 +66,14 @@ INLINE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
         key_0 += 0x9E3779B9u;
         key_1 += 0xBB67AE85u;
     }
-    return (Uniforms){{uniform_of(a), uniform_of(b), uniform_of(c), uniform_of(d)}};
+    word[0] = a, word[1] = b, word[2] = c, word[3] = d;
+}
+
+STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
+{
+    Bits word[4];
+    philox((Bits)(vertex * 2 + dimension), rng->sample_low, rng->pixel, rng->sample_high, rng->key, word);
+    return (Uniforms){{uniform_of(word[0]), uniform_of(word[1]), uniform_of(word[2]), uniform_of(word[3])}};
 }
 
 #endif

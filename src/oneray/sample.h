@@ -3,7 +3,7 @@
 #ifndef ONERAY_SAMPLE_H
 #define ONERAY_SAMPLE_H
 
-#include "rng.h"
+#include "sampler.h"
 
 /* L8 One ray over the hemisphere: uniform by solid angle, z = u, in the frame of the normal. */
 INLINE Vec sample_hemisphere_uniform(Real u, Real v)

@@ -109,7 +109,7 @@ typedef struct {
    digits where b² - |oc|² + r² has lost them: Haines, Günther, Akenine-Möller, Precision Improvements for
    Ray/Sphere Intersection, Ray Tracing Gems 2019. From a point of the sphere itself, t is exactly 0 and -2
    oc·d. */
-INLINE Stretch ball_stretch(const Ball *ball, const Ray *ray, Mask on)
+STAGE Stretch ball_stretch(const Ball *ball, const Ray *ray, Mask on)
 {
     Vec oc = vec_sub(ray->o, vec_of(ball->center));
     Real b = vec_dot(oc, ray->d);
@@ -126,7 +126,7 @@ typedef struct {
     Index enter, leave;
 } Faces;
 
-INLINE Stretch cube_stretch(const Local *cube, const Ray *ray, Faces *faces)
+STAGE Stretch cube_stretch(const Local *cube, const Ray *ray, Faces *faces)
 {
     Stretch s = {real(-NUM_MAX), real(NUM_MAX), mask_all()};
     for (int axis = 0; axis < 3; axis++) {
@@ -191,7 +191,7 @@ INLINE void aligned_nearest(
 }
 
 /* The nearest of the flat shapes, with the one division that this takes. */
-INLINE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
+STAGE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
 {
     Nearest nearest = {ray->tmax, real(1), index_of(-1)};
     if (f & HAS_ALIGNED) {
@@ -298,7 +298,7 @@ INLINE Mask ball_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
 }
 
 /* Is any in the way, one after the other? */
-INLINE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Features f)
+STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Features f)
 {
     Mask blocked = mask_none();
     if (f & HAS_ALIGNED)

@@ -18,6 +18,7 @@ typedef enum { MIS_BALANCE, MIS_POWER } MisHeuristic;                           
 typedef enum { MIS_PDF_BSDF, MIS_PDF_SURVIVAL } MisPdf;                                  /* L13 */
 typedef enum { ROULETTE_NONE, ROULETTE_SURVIVAL } Roulette;                              /* L19; L14 */
 typedef enum { FRESNEL_EXACT, FRESNEL_SCHLICK } Fresnel;                                 /* L15 */
+typedef enum { SAMPLER_INDEPENDENT, SAMPLER_SOBOL } Sampler; /* sampler.h; no technique of the lecture */
 
 typedef struct {
     Estimator estimator;
@@ -28,6 +29,7 @@ typedef struct {
     MisPdf mis_pdf;
     Roulette roulette;
     Fresnel fresnel;
+    Sampler sampler;
 } Technique;
 
 /* The feature mask: bit by bit, what a scene has and a technique uses. A kernel instance is compiled for a
@@ -55,7 +57,8 @@ typedef struct {
     X(USE_CONE,            "cone of sphere lights") \
     X(USE_SOLID_ANGLE,     "solid angle of rectangle lights") \
     X(USE_COSINE,          "cosine hemisphere")  X(USE_ROULETTE,     "roulette") \
-    X(USE_SCHLICK,         "Schlick's Fresnel")  X(USE_LIGHT_PATHS,  "light tracing")
+    X(USE_SCHLICK,         "Schlick's Fresnel")  X(USE_LIGHT_PATHS,  "light tracing") \
+    X(USE_SOBOL,           "Sobol' points")
 
 enum {
 #define X(name, words) BIT_##name,
@@ -70,12 +73,12 @@ typedef uint64_t Features;
 FEATURES(X)
 #undef X
 
-/* The bits that choose between two ways, where an instance must have what is asked for and no more; of the
-   others an instance may have more than the scene needs. */
-#define EITHER_WAY                                                                                           \
+/* The bits that an instance must have as asked, no more and no less: those that choose between two ways, and
+   those that go with tables which other scenes do not have. */
+#define EXACTLY                                                                                              \
     (USE_NEE | USE_MIS | USE_BALANCE | USE_SURVIVAL_PDF | USE_CONTRIBUTION | USE_LEARNED | USE_FACING        \
-        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_ROULETTE | USE_SCHLICK | USE_LIGHT_PATHS             \
-        | HAS_HIDDEN)
+        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_SCHLICK | USE_LIGHT_PATHS | HAS_HIDDEN               \
+        | HAS_TREE | HAS_TRIANGLE | HAS_SMOOTH | HAS_FRESNEL | HAS_DIELECTRIC | HAS_BLEND)
 #define EVERY_FEATURE (((Features)1 << FEATURE_COUNT) - 1)
 
 #endif

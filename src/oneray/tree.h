@@ -110,7 +110,7 @@ enum { PENDING_MOST = BVH_DEPTH * (BVH_WIDTH - 1) + BVH_WIDTH };
 
 /* Which of the node's boxes the ray meets before tmax, and where it enters them. Comparisons that a nan (0
    times infinity) fails keep what there was. */
-INLINE unsigned boxes_met(const TreeNode *node, const Beam *beam, Num tmax, Num distance[8])
+STAGE unsigned boxes_met(const TreeNode *node, const Beam *beam, Num tmax, Num distance[8])
 {
     unsigned bits = 0;
     for (int part = 0; part < 8; part += PIECE) {

@@ -118,7 +118,7 @@ INLINE Index gather_int32(const int32_t *table, Index i)
 
 /* Puts p onto the triangle's plane. Gives the normal of the plane, and the interpolated one that light is
    reflected by: Mitsuba's, the mean of the vertices' by barycentric coordinates. */
-INLINE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec *p, Vec *n, Vec *face)
+STAGE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec *p, Vec *n, Vec *face)
 {
     Index corner[3];
     Vec vertex[3];

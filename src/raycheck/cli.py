@@ -153,10 +153,16 @@ def report(
         Path | None,
         typer.Option(metavar="FILE", help="Verdicts of an earlier verify --json; verifies otherwise."),
     ] = None,
+    benchmark: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Figures of scripts/benchmark.py; by default those of the references."
+        ),
+    ] = None,
 ) -> None:
     """Leave one offline page: pictures, error maps and verdicts of all scenes."""
     with _plain_errors(), _progress("verifying") as on_case:
-        page = write_report(output, verification, on_case=on_case)
+        page = write_report(output, verification, on_case, benchmark)
     typer.echo(f"{page}: open it in a browser")
 
 

@@ -52,6 +52,9 @@ def compare(first: Path | str, second: Path | str, limits: Limits = Limits()) ->
     first, second = Path(first), Path(second)
     a, b = load_image(first), load_image(second)
     for path, image in ((first, a), (second, b)):
+        if image.stderr is None and "--sampler sobol" in str(image.attributes.get("oneray")):
+            hint = "raycheck verify goes by those"
+            raise NotFound(f"{path}: made with --sampler sobol, whose noise only other seeds show; {hint}")
         if image.stderr is None:
             raise NotFound(f"{path}: no channels stderr.R, stderr.G, stderr.B, so its noise is not known")
     height, width = a.pixels.shape[:2]

@@ -1,8 +1,10 @@
 """What each technique costs: variance of a sample, seconds of a sample, and both together.
 
 The variance is that of one sample per pixel, from the `stderr` channels times the samples, the mean over
-pixels and channels, (W·sr⁻¹·m⁻²)². The time is that of one sample of every pixel, from oneray's own clock
-around the rendering; reading the scene and the pre-pass that learns are apart. Efficiency is
+pixels and channels, (W·sr⁻¹·m⁻²)². Samples that are not independent have no such number: theirs is from two
+renders with different seeds, half of the squared difference, times the samples at which it was measured, a
+power of two; with more of them it would be less. The time is that of one sample of every pixel, from oneray's
+own clock around the rendering; reading the scene and the pre-pass that learns are apart. Efficiency is
 1/(variance · time): twice as efficient is the same noise in half the time. A technique's figures are relative
 to the plain random walk's, or where no random ray can hit a light, to those of `nee`.
 
@@ -22,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import references, renderers
-from raycheck.images import load_image
+from raycheck.images import Image, load_image
 from raycheck.references import Variant
 from raycheck.seeds import make_seeds
 from raycheck.tasks import Task, oneray_agenda
@@ -112,6 +114,11 @@ def sample_variance(stderr: Array, spp: int) -> Array:
     return (stderr**2).mean(axis=2) * spp
 
 
+def pair_variance(one: Array, other: Array, spp: int) -> Array:
+    """(H, W) variance of the mean of `spp` samples, times these, from two independent images (H, W, 3)."""
+    return ((one - other) ** 2).mean(axis=2) / 2 * spp
+
+
 def relative_error(variances: Array) -> float:
     """Relative standard error of the mean of variances (rounds, H, W), from how each pixel's differ between
     the rounds. What no sample has met yet it cannot know. The paths of light tracing reach several pixels,
@@ -156,7 +163,29 @@ def most_efficient_first(prices: Sequence[Price]) -> list[Price]:
 
 
 def measure(task: Task, spp: int, seed: int) -> Measurement:
-    """Render once with oneray; RenderError if it cannot, NotFound if it cannot be started."""
+    """Render once with oneray, twice where samples are not independent; RenderError if it cannot, NotFound if
+    it cannot be started.
+    """
+    image, stats = _render(task, spp, seed)
+    renders = [stats["seconds"]["render"]]
+    if task.independent:
+        if image.stderr is None:
+            case = f"{task.label}, {task.technique}"
+            raise renderers.RenderError(f"{case}: no standard errors at {spp} samples")
+        variance = sample_variance(image.stderr, spp)
+    else:
+        [other_seed] = make_seeds(f"{seed}/other", 1, {seed})
+        other, more = _render(task, spp, other_seed)
+        renders.append(more["seconds"]["render"])
+        variance = pair_variance(image.pixels, other.pixels, spp)
+    if variance.mean() <= NOTHING * (image.pixels**2).mean():
+        variance = np.zeros_like(variance)
+    seconds = max(statistics.mean(renders), 1e-6) / spp
+    return Measurement(variance, seconds, stats["seconds"]["build"])
+
+
+def _render(task: Task, spp: int, seed: int) -> tuple[Image, dict]:
+    """The picture and oneray's figures."""
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         output = Path(folder) / "out.exr"
         words = [*task.renderer.arguments(task.path, output, spp, seed), "--stats", "-"]
@@ -167,20 +196,15 @@ def measure(task: Task, spp: int, seed: int) -> Measurement:
         if done.returncode:
             said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
             raise renderers.RenderError(f"{task.label}, {task.technique}: {said}")
-        image, stats = load_image(output), json.loads(done.stdout)
-    if image.stderr is None:
-        raise renderers.RenderError(f"{task.label}, {task.technique}: no standard errors at {spp} samples")
-    variance = sample_variance(image.stderr, spp)
-    if variance.mean() <= NOTHING * (image.pixels**2).mean():
-        variance = np.zeros_like(variance)
-    seconds = stats["seconds"]
-    return Measurement(variance, max(seconds["render"], 1e-6) / spp, seconds["build"])
+        return load_image(output), json.loads(done.stdout)
 
 
 def samples_for(task: Task, seconds: float, seed: int) -> int:
-    """Samples per pixel that take about so many seconds."""
+    """Samples per pixel that take about so many seconds, of two renders where samples are not independent."""
     each = measure(task, PILOT_SPP, seed).seconds
-    return int(min(max(seconds / each, LEAST_SPP), MOST_SPP))
+    if task.independent:
+        return int(min(max(seconds / each, LEAST_SPP), MOST_SPP))
+    return 1 << int(np.log2(min(max(seconds / (2 * each), LEAST_SPP), MOST_SPP)))
 
 
 def price_scene(
@@ -318,6 +342,8 @@ def footnotes(one: ScenePrices) -> list[str]:
     if any(p.unbounded for p in one.prices):
         notes.append("* Samples without bound: the variance may be infinite and grow with their number.")
     for p in one.prices:
+        if not technique(p.technique).independent:
+            notes.append(f"{p.technique}: the variance of {p.spp} samples, times {p.spp}; more have less.")
         if p.technique.endswith("-learned"):
             notes.append(f"{p.technique} learns for {number(p.build_seconds)} s first, which is not counted.")
     return notes

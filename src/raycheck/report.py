@@ -7,9 +7,10 @@ from pathlib import Path
 
 import jinja2
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import pictures, references, renderers, words
+from raycheck import curves, pictures, references, renderers, speed, words
 from raycheck.images import Image
 from raycheck.renderers import NotFound
 from raycheck.seeds import make_seeds
@@ -44,20 +45,25 @@ class SceneSection:
 
 
 def write_report(
-    folder: Path, verification: Path | None = None, on_case: Callable[[Case, int], None] | None = None
+    folder: Path,
+    verification: Path | None = None,
+    on_case: Callable[[Case, int], None] | None = None,
+    benchmark: Path | None = None,
 ) -> Path:
     """Write `folder`/index.html and return its path; verifies quickly where no result of `verify --json` is
-    given.
+    given. `benchmark` is a result of scripts/benchmark.py, by default that of the references if there is one.
     """
+    measured = speed_section(benchmark)
     verdicts = _verdicts(verification, on_case)
     oneray = renderers.oneray_path()
     cases = verdicts["cases"]
     sections = [
         _section(name, oneray, [c for c in cases if c["scene"] == name]) for name in references.scene_names()
     ]
-    page = _template().render(
+    page = template().render(
         sections=sections,
         lecture=_lecture(oneray),
+        speed=measured,
         legend=pictures.data_uri(pictures.legend()),
         range=int(pictures.RANGE),
         verdicts=verdicts,
@@ -93,10 +99,11 @@ def _verdicts(path: Path | None, on_case: Callable[[Case, int], None] | None) ->
         raise NotFound(f"{path}: an unfinished result of raycheck verify --json (no {error})") from None
 
 
-def _template() -> jinja2.Template:
+def template(name: str = "report.html") -> jinja2.Template:
+    """The page, or a part of it."""
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template("report.html")
+    return environment.get_template(name)
 
 
 def _section(name: str, oneray: Path, cases: list[dict]) -> SceneSection:
@@ -150,6 +157,40 @@ def _render(oneray: Path, scene: str, name: str, spp: int) -> tuple[Image, _Show
     made = command.render(references.scene_path(scene), spp, seed, timeout=600.0)
     text = f"oneray scenes/{scene}.xml -o {scene}.exr --spp {spp} --seed {seed} {' '.join(options)}"
     return made.image, _Shown(text, made.seconds)
+
+
+@dataclass(frozen=True)
+class _Plot:
+    """How cost grows along an axis."""
+
+    label: str
+    scene: str
+    svg: Markup
+    curves: list[tuple[str, str, str]]
+    """Name, exponent, and why it ends where it does."""
+
+
+def speed_section(path: Path | None) -> dict | None:
+    """What speed.html shows; None where there is no benchmark and none was asked for."""
+    kept = references.references_dir() / "benchmark.json"
+    if path is None and not kept.is_file():
+        return None
+    found = speed.read(path or kept)
+    plots = []
+    for one in found["growth"]:
+        points = {c["name"]: [(p["x"], p["render"]) for p in c["points"]] for c in one["curves"]}
+        legend = [(c["name"], speed.exponent_text(c), c["reason"]) for c in one["curves"]]
+        svg = Markup(curves.log_log(points, one["label"], "seconds"))
+        plots.append(_Plot(one["label"], one["scene"], svg, legend))
+    return {
+        "scenes": [(scene, speed.rows(scene), speed.startup_lines(scene)) for scene in found["scenes"]],
+        "columns": speed.COLUMNS,
+        "plots": plots,
+        "marks": [Markup(curves.key(index)) for index in range(3)],
+        "made_with": speed.made_with(found),
+        "command": found["command"],
+        "complete": found["complete"],
+    }
 
 
 def _about(scene: Path) -> str:

@@ -44,6 +44,11 @@ class Task:
         marked = self.content.unbounded
         return self.technique in marked or (self.technique == "renderer" and bool(marked))
 
+    @property
+    def independent(self) -> bool:
+        """The samples of a pixel are independent of each other; another renderer's are taken to be."""
+        return self.technique == "renderer" or technique(self.technique).independent
+
 
 @dataclass
 class Agenda:

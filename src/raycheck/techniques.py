@@ -99,6 +99,13 @@ class Technique:
     summary: str
     applies: Callable[[SceneContent], bool]
 
+    @property
+    def independent(self) -> bool:
+        """The samples of a pixel are independent: the variance of n is that of one over n, and a picture has
+        standard errors.
+        """
+        return "sobol" not in self.options
+
 
 def _options(
     estimator: str,
@@ -108,6 +115,7 @@ def _options(
     mis: str = "power",
     mis_pdf: str = "bsdf",
     roulette: str = "survival",
+    sampler: str = "independent",
 ) -> tuple[str, ...]:
     options = ["--estimator", estimator, "--hemisphere", hemisphere]
     if estimator != "walk":
@@ -116,7 +124,7 @@ def _options(
         options += ["--light-points", points]
     if estimator == "mis":
         options += ["--mis", mis, "--mis-pdf", mis_pdf]
-    return (*options, "--roulette", roulette, "--fresnel", "exact")
+    return (*options, "--roulette", roulette, "--fresnel", "exact", "--sampler", sampler)
 
 
 def _walk(content: SceneContent) -> bool:
@@ -315,6 +323,13 @@ TECHNIQUES: tuple[Technique, ...] = (
         _options("mis", choice="learned", points="cone"),
         "the same with what a pre-pass saw of occlusion",
         lambda c: _weighed(c) and _many(c),
+    ),
+    Technique(
+        "mis-sobol",
+        (*_MIS, "L5", "L6"),
+        _options("mis", choice="contribution", points="cone", sampler="sobol"),
+        "oneray's defaults with Owen-scrambled Sobol' points instead of independent numbers",
+        _lit,
     ),
     Technique(
         "light",

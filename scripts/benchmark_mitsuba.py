@@ -1,0 +1,55 @@
+"""Mitsuba in a process of its own, for scripts/benchmark.py: commands as lines of JSON in, answers out.
+
+    python scripts/benchmark_mitsuba.py VARIANT
+
+{"load": FILE} and {"render": SPP, "seed": SEED, "save": FILE.npy or null}. One thread. A crash ends this
+process alone, and its peak memory is Mitsuba's and Python's, nothing else's.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+
+def peak_memory() -> int:
+    """Bytes; this process's own (ru_maxrss begins with the parent's), 0 where the system does not say."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.is_file() else []
+    return next((int(x.split()[1]) * 1024 for x in lines if x.startswith("VmHWM")), 0)
+
+
+def main() -> None:
+    answers = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)  # Mitsuba's own messages stay out of the answers
+    start = time.perf_counter()
+    import drjit as dr
+    import mitsuba as mi
+    import numpy as np
+
+    dr.set_thread_count(1)
+    mi.set_variant(sys.argv[1])
+    mi.set_log_level(mi.LogLevel.Error)
+    print(json.dumps({"import": time.perf_counter() - start, "version": mi.__version__}), file=answers)
+    scene = None
+    for line in sys.stdin:
+        order = json.loads(line)
+        start = time.perf_counter()
+        if "load" in order:
+            scene = mi.load_file(order["load"])
+            width, height = scene.sensors()[0].film().size()
+            answer = {"seconds": time.perf_counter() - start, "width": int(width), "height": int(height)}
+        else:
+            image = np.array(mi.render(scene, spp=order["render"], seed=order["seed"]))
+            answer = {"seconds": time.perf_counter() - start}
+            answer["spp"] = scene.sensors()[0].sampler().sample_count()
+            if order["save"]:
+                np.save(order["save"], image)
+        print(json.dumps(answer | {"memory": peak_memory()}), file=answers)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,11 @@
+/* Which precision a scene needs. */
+#ifndef ONERAY_PRECISION_H
+#define ONERAY_PRECISION_H
+
+#include "description.h"
+
+/* "single" where its errors stay below 1e-5 of a pixel's value by the rules of precision.c, else "double".
+   `reason` gets the rule that decided, at most size characters. */
+const char *precision_for(const Description *scene, char *reason, int size);
+
+#endif

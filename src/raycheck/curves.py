@@ -1,0 +1,74 @@
+"""Curves on logarithmic axes as SVG that takes its colours from the page: class `curve0`, `curve1`, …"""
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+
+WIDTH, HEIGHT = 460, 320
+LEFT, RIGHT, TOP, BOTTOM = 52, 12, 12, 42
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+Points = Sequence[tuple[float, float]]
+
+
+def power_of_ten(exponent: int) -> str:
+    """1, 10, 100, else 10ⁿ."""
+    return str(10**exponent) if 0 <= exponent <= 3 else "10" + str(exponent).translate(SUPERSCRIPT)
+
+
+def _range(values: Sequence[float]) -> tuple[int, int]:
+    """Whole decades that hold all values."""
+    low, high = math.floor(math.log10(min(values)) + 1e-9), math.ceil(math.log10(max(values)) - 1e-9)
+    return low, max(high, low + 1)
+
+
+def log_log(curves: Mapping[str, Points], x_label: str, y_label: str) -> str:
+    """The curves, each a line with markers of its own shape, so that they differ without colour as well."""
+    every = [point for points in curves.values() for point in points]
+    if not every:
+        return ""
+    (x0, x1), (y0, y1) = _range([x for x, _ in every]), _range([y for _, y in every])
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        across = (math.log10(x) - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT)
+        return LEFT + across, TOP + (y1 - math.log10(y)) / (y1 - y0) * (HEIGHT - TOP - BOTTOM)
+
+    about = escape(f"{y_label} over {x_label}: {', '.join(curves)}")
+    parts = [f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{about}">']
+    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
+    for n in range(x0, x1 + 1):
+        x, _ = place(10.0**n, 10.0**y0)
+        parts.append(f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{bottom}"/>')
+        parts.append(f'<text x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{power_of_ten(n)}</text>')
+    for n in range(y0, y1 + 1):
+        _, y = place(10.0**x0, 10.0**n)
+        parts.append(f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}"/>')
+        parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{power_of_ten(n)}</text>')
+    middle = (LEFT + right) / 2
+    parts.append(f'<text x="{middle}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_label)}</text>')
+    parts.append(f'<text transform="translate(12 {(TOP + bottom) / 2}) rotate(-90)" text-anchor="middle">'
+                 f"{escape(y_label)}</text>")  # fmt: skip
+    for index, points in enumerate(curves.values()):
+        parts.append(_curve(index, [place(x, y) for x, y in points]))
+    return "".join([*parts, "</svg>"])
+
+
+def _curve(index: int, places: Points) -> str:
+    line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    marks = "".join(_marker(index, x, y) for x, y in places)
+    return f'<g class="curve{index}"><polyline points="{line}"/>{marks}</g>'
+
+
+def _marker(index: int, x: float, y: float) -> str:
+    """A disk, a square, a triangle, and again."""
+    if index % 3 == 0:
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>'
+    if index % 3 == 1:
+        return f'<rect x="{x - 3.2:.1f}" y="{y - 3.2:.1f}" width="6.4" height="6.4"/>'
+    return f'<path d="M{x:.1f} {y - 4.4:.1f}l4.4 7.4h-8.8z"/>'
+
+
+def key(index: int) -> str:
+    """The marker alone, for a legend."""
+    return (f'<svg class="plot key" viewBox="0 0 24 12" aria-hidden="true"><g class="curve{index}">'
+            f'<polyline points="0,6 24,6"/>{_marker(index, 12, 6)}</g></svg>')  # fmt: skip
