@@ -27,7 +27,7 @@ class Row:
 
 
 COLUMNS = (
-    "Mpaths/s", "× llvm", "Mrays/s", "variance", "1/(variance · time), × llvm", "peak MB", "mean: σ off",
+    "Mpaths/s", "× llvm", "Mrays/s", "variance", "efficiency, × llvm", "peak MB", "mean off",
 )  # fmt: skip
 
 
@@ -67,9 +67,17 @@ def _row(one: Mapping) -> Row:
         f"{number(figures['variance']['median'])} ± {100 * one['variance_error']:.0f} %",
         text(ratios.get("efficiency")),
         number(one["peak_memory_bytes"] / 1e6),
-        f"{one['difference']['sigmas']:+.1f}" if "difference" in one else "",
+        _difference(one),
     )
     return Row(one["name"], cells)
+
+
+def _difference(one: Mapping) -> str:
+    """The mean against the baseline's."""
+    if one["name"] == BASELINE or "difference" not in one:
+        return ""
+    off = one["difference"]
+    return f"{100 * off['relative']:+.2f} % ({off['sigmas']:+.1f} σ)".replace("-", "−")
 
 
 def plain(scene: Mapping) -> str:
