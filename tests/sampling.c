@@ -131,7 +131,7 @@ OVER_COLUMNS(numbers)
         put(b, k, out.u[k]);
 }
 
-/* ---- Fresnel: (cosine, ratio) to (cosine beyond, exact, Schlick); (cosine, η, k) to the conductor's. */
+/* ---- Fresnel: (cosine, ratio) to (cosine beyond, transmittances: exact, Schlick); (cosine, η, k) to the conductor's. */
 OVER_COLUMNS(dielectric)
 {
     (void)scene;

@@ -75,6 +75,11 @@ typedef struct {
     int line;
 } Light;
 
+static inline bool light_has_power(const Light *light)
+{
+    return light->emission[0] > 0 || light->emission[1] > 0 || light->emission[2] > 0;
+}
+
 typedef struct {
     Affine to_world;               /* camera space to world: looks along +z, +x is to the LEFT, +y up */
     double tan_half_x, tan_half_y; /* half extents of the image at distance 1 */

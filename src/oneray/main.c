@@ -8,6 +8,7 @@
 #include "render.h"
 #include "version.h"
 
+#include <float.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -107,6 +108,10 @@ static void write_picture(const Film *film, double render_seconds, const char *k
     size_t numbers = 3 * (size_t)film->width * (size_t)film->height;
     float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
     int known = film_estimate(film, mean, error) && has_error(film);
+    for (size_t i = 0; i < numbers; i++)
+        if (!(mean[i] <= FLT_MAX) || (known && !(error[i] <= FLT_MAX)))
+            die("%s: pixel (%zu, %zu): the radiance is beyond %g, the largest float of a picture", file,
+                i / 3 % (size_t)film->width, i / 3 / (size_t)film->width, (double)FLT_MAX);
     Picture picture = {film->width, film->height, mean, known ? error : NULL, film_samples(film),
         render_seconds, film->identity, kernel};
     exr_write_picture(&picture, file);

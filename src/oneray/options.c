@@ -342,6 +342,8 @@ void options_check(const Options *options, const Description *scene)
     static const char *const kinds[LIGHT_KINDS] = {"area", "point", "spot", "directional", "constant"};
     for (int i = 0; i < scene->light_count; i++) {
         const Light *light = &scene->lights[i];
+        if (!light_has_power(light))
+            warn("%s:%d: this light has no power and is left out", options->scene, light->line);
         if (options->technique.estimator == ESTIMATOR_WALK && light->kind != LIGHT_AREA
             && light->kind != LIGHT_CONSTANT)
             die_at(options->scene, light->line,

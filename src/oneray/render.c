@@ -42,6 +42,7 @@ static void progress_show(Progress *progress, double samples, double fraction)
 /* What a render has to do, and how far it is. */
 typedef struct {
     const Options *options;
+    const Description *scene;
     const Kernel *kernel;
     const void *prepared;
     Counters *counters;
@@ -58,25 +59,57 @@ static void check_endless(const Render *r)
             r->options->scene, (long long)(r->counters->unreachable % r->film->width),
             (long long)(r->counters->unreachable / r->film->width));
     if (r->counters->endless >= 0)
-        die("%s: pixel (%lld, %lld): a path did not end within 1000000 vertices: the scene is closed and "
-            "absorbs "
+        die("%s: pixel (%lld, %lld): a path did not end within %d vertices: the scene is closed and absorbs "
             "nothing; give it a max_depth",
             r->options->scene, (long long)(r->counters->endless % r->film->width),
-            (long long)(r->counters->endless / r->film->width));
+            (long long)(r->counters->endless / r->film->width), PATH_LIMIT);
+}
+
+static bool is_radiance(const double radiance[3])
+{
+    for (int c = 0; c < 3; c++)
+        if (!(radiance[c] >= 0 && radiance[c] <= DBL_MAX))
+            return false;
+    return true;
+}
+
+/* The vertex, counted from 1 at the first surface, up to which the sample is a radiance and with which it no
+   longer is: the same path again, cut at 1, 2, 4, … vertices and then between. 0 if it never happens. */
+static int bad_vertex(const Render *r, size_t pixel, uint64_t sample)
+{
+    int good = 0, bad = 0;
+    for (int next = 1; bad != good + 1 && next <= PATH_LIMIT; next = bad ? (good + bad) / 2 : 2 * next) {
+        Description cut = *r->scene;
+        double radiance[3];
+        Counters counters = {0, 0, -1, -1};
+        cut.max_depth = next;
+        void *prepared = r->kernel->prepare(&cut, &r->options->technique);
+        Job job = {r->options->seed, sample, pixel, 1, 1, radiance, NULL};
+        r->kernel->render(prepared, &job, &counters, 1);
+        r->kernel->release(prepared);
+        *(is_radiance(radiance) ? &good : &bad) = next;
+        if (good >= r->scene->max_depth && r->scene->max_depth > 0 && !bad)
+            return 0;
+    }
+    return bad;
 }
 
 /* Ends the program over a sample that is no radiance. */
 NORETURN static void die_of(const Render *r, size_t pixel, uint64_t sample, const double radiance[3])
 {
     size_t width = (size_t)r->film->width;
+    char place[96] = "";
+    int vertex = r->options->technique.estimator == ESTIMATOR_LIGHT ? 0 : bad_vertex(r, pixel, sample);
+    if (vertex)
+        snprintf(place, sizeof place, ", vertex %d", vertex);
     for (int c = 0; c < 3; c++)
         if (radiance[c] > DBL_MAX)
-            die("%s: pixel (%zu, %zu): radiance overflows %s precision", r->options->scene, pixel % width,
-                pixel / width, r->options->precision);
-    die("%s: pixel (%zu, %zu), sample %llu, seed %llu: radiance (%g, %g, %g) is no radiance: a bug, please "
+            die("%s: pixel (%zu, %zu), sample %llu%s: radiance overflows %s precision", r->options->scene,
+                pixel % width, pixel / width, (unsigned long long)sample, place, r->options->precision);
+    die("%s: pixel (%zu, %zu), sample %llu, seed %llu%s: radiance (%g, %g, %g) is no radiance: a bug, please "
         "report it",
         r->options->scene, pixel % width, pixel / width, (unsigned long long)sample,
-        (unsigned long long)r->options->seed, radiance[0], radiance[1], radiance[2]);
+        (unsigned long long)r->options->seed, place, radiance[0], radiance[1], radiance[2]);
 }
 
 static double fraction_done(const Render *r, uint64_t samples, double of_next, double next)
@@ -181,7 +214,7 @@ static uint64_t samples_in_time(const Render *r, uint64_t done)
 void render(const Options *options, const Description *scene, const Kernel *kernel, const void *prepared,
     Film *film, Counters *counters)
 {
-    Render r = {options, kernel, prepared, counters, film, 0, {0}};
+    Render r = {options, scene, kernel, prepared, counters, film, 0, {0}};
     if (options->seconds <= 0)
         r.wanted = options->sample_count ? options->sample_count
                    : options->spp        ? options->spp

@@ -1,6 +1,7 @@
 /* From the elements of a scene file to a Description: for each plugin a function, and a row in a table. */
 #include "scene_xml.h"
 
+#include "bounds.h"
 #include "mesh.h"
 
 #include <math.h>
@@ -386,7 +387,7 @@ static void read_sphere(Builder *builder, Node *node)
     Property properties[] = {
         [TO_WORLD] = {"to_world", AS_TRANSFORM, &shape.to_world, NULL, NULL},
         [CENTER] = {"center", AS_VECTOR, center, NULL, NULL},
-        [RADIUS] = {"radius", AS_FLOAT, &radius, "(0,inf)", NULL},
+        [RADIUS] = {"radius", AS_FLOAT, &radius, "[0,inf)", NULL},
         [FLIP_NORMALS] = {"flip_normals", AS_BOOLEAN, &shape.flip_normals, NULL, NULL},
     };
     read_properties(node, properties, COUNT(properties), "bsdf ref emitter");
@@ -400,6 +401,11 @@ static void read_sphere(Builder *builder, Node *node)
     shape.to_world = affine_multiply(affine_translate(at.m[0][3], at.m[1][3], at.m[2][3]),
                                      affine_scale(radius, radius, radius));
     add_shape(builder, node, shape);
+    if (radius > 0)
+        return;
+    Description *d = builder->description;
+    warn("%s:%d: this sphere has no size and is left out", node->file, node->line);
+    d->light_count -= d->shapes[--d->shape_count].light >= 0;
 }
 
 static void read_plain_shape(Builder *builder, Node *node, ShapeKind kind)
@@ -629,6 +635,33 @@ static void read_scene(Builder *builder, Node *root)
     d->material_count = used_materials;
 }
 
+/* Squares of lengths are wanted, so that half the exponents of a double are for lengths. */
+#define LONGEST 1e150
+
+static void check_length(const char *file, int line, double length)
+{
+    if (!(fabs(length) <= LONGEST))
+        die_at(file, line, "this reaches out to %.1g: %g is the longest length", fabs(length), LONGEST);
+}
+
+static void check_lengths(const Description *d, const char *file, int sensor_line)
+{
+    double low[3], high[3];
+    for (int axis = 0; axis < 3; axis++)
+        check_length(file, sensor_line, d->sensor.to_world.m[axis][3]);
+    check_length(file, sensor_line, d->sensor.far_clip);
+    for (int i = 0; i < d->shape_count; i++) {
+        bounds_of_shape(d, &d->shapes[i], low, high);
+        for (int axis = 0; axis < 3; axis++) {
+            check_length(file, d->shapes[i].line, low[axis]);
+            check_length(file, d->shapes[i].line, high[axis]);
+        }
+    }
+    for (int i = 0; i < d->light_count; i++)
+        for (int axis = 0; axis < 3; axis++)
+            check_length(file, d->lights[i].line, d->lights[i].position[axis]);
+}
+
 Description *description_read(const char *file, Parameter *parameters, int parameter_count)
 {
     SceneFile *scene = scene_file_open(file, parameters, parameter_count);
@@ -636,6 +669,7 @@ Description *description_read(const char *file, Parameter *parameters, int param
     *d = (Description){.sample_count = 4, .max_depth = -1, .rr_depth = 5, .hash = scene->hash};
     Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE};
     read_scene(&builder, scene->root);
+    check_lengths(d, file, only_child(scene->root, "sensor")->line);
     scene_file_close(scene);
     return d;
 }

@@ -291,10 +291,12 @@ INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
         s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
     return stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
 }
+/* A sphere that shines outwards is never in its own way: however small, its near side is the target. */
 INLINE Mask ball_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
 {
-    Mask on = ray->from == index_of(slot);
-    return stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, target == index_of(slot));
+    Mask on = ray->from == index_of(slot), aim = target == index_of(slot);
+    Mask blocked = stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, aim);
+    return shapes->offset[slot] < 0 ? blocked : and_not(blocked, aim);
 }
 
 /* Is any in the way, one after the other? */
