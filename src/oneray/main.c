@@ -187,6 +187,8 @@ static int render_scene(Options *options)
     if (!strcmp(options->precision, "auto"))
         options->precision =
             precision_for(scene, options->precision_reason, (int)sizeof options->precision_reason);
+    else if (!strcmp(options->precision, "single"))
+        refuse_beyond_single(scene, options->scene);
     const Kernel *kernel = options_kernel(options);
     void *prepared = kernel->prepare(scene, &options->technique);
     seconds.build = seconds_now() - start;

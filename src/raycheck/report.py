@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import curves, pictures, references, renderers, speed, words
+from raycheck import curves, pictures, references, renderers, speed, stability_plots, words
 from raycheck.images import Image
 from raycheck.renderers import NotFound
 from raycheck.seeds import make_seeds
@@ -49,11 +49,14 @@ def write_report(
     verification: Path | None = None,
     on_case: Callable[[Case, int], None] | None = None,
     benchmark: Path | None = None,
+    stability: Path | None = None,
 ) -> Path:
     """Write `folder`/index.html and return its path; verifies quickly where no result of `verify --json` is
-    given. `benchmark` is a result of scripts/benchmark.py, by default that of the references if there is one.
+    given. `benchmark` is a result of scripts/benchmark.py, `stability` one of `raycheck stability --json`, by
+    default those of the references if there are any.
     """
     measured = speed_section(benchmark)
+    stiff = stability_section(stability)
     verdicts = _verdicts(verification, on_case)
     oneray = renderers.oneray_path()
     cases = verdicts["cases"]
@@ -64,6 +67,7 @@ def write_report(
         sections=sections,
         lecture=_lecture(oneray),
         speed=measured,
+        stability=stiff,
         legend=pictures.data_uri(pictures.legend()),
         range=int(pictures.RANGE),
         verdicts=verdicts,
@@ -191,6 +195,14 @@ def speed_section(path: Path | None) -> dict | None:
         "command": found["command"],
         "complete": found["complete"],
     }
+
+
+def stability_section(path: Path | None) -> dict | None:
+    """What stability.html shows; None where nothing was measured and nothing was asked for."""
+    kept = references.references_dir() / "stability.json"
+    if path is None and not kept.is_file():
+        return None
+    return stability_plots.section(path or kept)
 
 
 def _about(scene: Path) -> str:

@@ -6,12 +6,13 @@ finite, or where there is none. `scenes/stiff` has the scenes, stability_cases.p
 
 import json
 import math
+import re
 import subprocess
 import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,7 +21,7 @@ import numpy as np
 from mpmath import mp
 from numpy.typing import NDArray
 
-from raycheck import stability_cases
+from raycheck import words
 from raycheck.images import load_image
 from raycheck.renderers import NotFound, RenderError, oneray_command, oneray_path
 from raycheck.stability_cases import CASES, DIGITS, Case, Parsed, Settings, Truth
@@ -233,14 +234,129 @@ def _render_point(
     return Point(x, expected, found, error, noise, not (beyond or black), "black" if black else "")
 
 
+def allowed(case: Case, renderer: Renders) -> float:
+    """The error that a case allows; single floats get 1 % where doubles get less, unless it is none at all."""
+    single = renderer.single and case.measure == "mean" and case.within > 0
+    return max(case.within, MITSUBA_WITHIN) if single else case.within
+
+
 def sweep(case: Case, renderer: Renders, values: Sequence[float], seed: int = 0) -> Curve:
     """All values; after three failures in a row the rest is left out."""
-    within = case.within if isinstance(renderer, Oneray) or case.measure == "spread" else max(case.within, MITSUBA_WITHIN)
-    if case.within == 0:
-        within = 0.0
+    within = allowed(case, renderer)
     points: list[Point] = []
     for x in values:
         points.append(run_point(case, x, renderer, within, seed))
         if len(points) >= 3 and not any(point.holds for point in points[-3:]):
             break
     return Curve(renderer.name, within, points)
+
+
+def cases_named(names: Sequence[str]) -> list[Case]:
+    """All, or those of these names; NotFound with the names that there are."""
+    known = {case.name: case for case in CASES}
+    for name in names:
+        if name not in known:
+            raise NotFound(f"no stiff case {name!r}; there are: {', '.join(known)}")
+    return [known[name] for name in names] or list(CASES)
+
+
+@dataclass(frozen=True)
+class Step:
+    """For a progress bar: what was done."""
+
+    scene: str
+    technique: str
+
+
+def run(
+    cases: Sequence[Case], quick: bool = False, seed: int = 0, on_case: Callable[[Step, int], None] | None = None
+) -> list[Result]:
+    """Sweep the cases with oneray, and with Mitsuba where it is installed; `quick`: few values, oneray alone."""
+    results = []
+    with nullcontext() if quick else mitsuba() as other:
+        renderers: list[Renders] = [Oneray(), *([other] if other else [])]
+        for case in cases:
+            curves = []
+            for renderer in renderers:
+                curves.append(sweep(case, renderer, case.coarse if quick else case.values, seed))
+                if on_case:
+                    on_case(Step(case.name, renderer.name), len(cases) * len(renderers))
+            results.append(Result(case.name, case.title, case.parameter, case.goal, curves))
+    return results
+
+
+def to_json(results: Sequence[Result], header: dict[str, Any]) -> str:
+    """What `read` reads; one point a line."""
+    found = [asdict(result) for result in results]
+    marks = {}
+    for result in found:
+        for curve in result["curves"]:
+            for k, point in enumerate(curve["points"]):
+                mark = f"@{len(marks)}@"
+                marks[mark] = json.dumps(point, ensure_ascii=False)
+                curve["points"][k] = mark
+    text = json.dumps(header | {"cases": found}, indent=1, ensure_ascii=False)
+    return re.sub(r'"(@\d+@)"', lambda match: marks[match.group(1)], text) + "\n"
+
+
+def read(path: Path) -> tuple[list[Result], dict[str, Any]]:
+    """A result of `raycheck stability --json`, and its header; NotFound if it is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        results = [
+            Result(**{**result, "curves": [
+                Curve(c["renderer"], c["within"], [Point(**point) for point in c["points"]])
+                for c in result["curves"]
+            ]})
+            for result in found.pop("cases")
+        ]  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise NotFound(f"{path}: no result of raycheck stability --json ({error})") from None
+    return results, found
+
+
+COLUMNS = ("case", "swept", "allowed", "goal", "oneray holds to", "fails at", "Mitsuba holds to", "fails at")
+
+
+def value(x: float) -> str:
+    """1e-12, 0.1, 20; powers of two as such."""
+    exponent = math.log2(x)
+    if x > 4 and exponent == int(exponent) and exponent >= 10:
+        return f"2^{int(exponent)}"
+    return f"{x:g}"
+
+
+def error_text(point: Point) -> str:
+    """What is wrong there."""
+    if point.reason:
+        return "refused" if "exit status" in point.reason else point.reason
+    if point.found == 0 and point.expected != 0:
+        return "black"
+    size = abs(point.error or 0.0)
+    return f"off by {size:.3g} times" if size >= 10 else f"off by {words.percent(size)}"
+
+
+def row(result: Result) -> tuple[str, ...]:
+    """The cells of a case's line."""
+    case = cases_named([result.case])[0]
+    limit = f"spread {case.within:g}" if case.measure == "spread" else f"{case.within:.0e}" if case.within < 1e-4 else words.percent(case.within)
+    limit = limit if case.within else "none"
+    cells = [result.case, result.parameter, limit, value(result.goal)]
+    for curve in result.curves:
+        bad = curve.first_bad
+        cells.append("–" if curve.last_good is None else value(curve.last_good))
+        cells.append("–" if bad is None else f"{value(bad.x)}, {_how(case, bad)}")
+    return tuple(cells)
+
+
+def _how(case: Case, point: Point) -> str:
+    if case.measure == "spread" and point.found and math.isfinite(point.error):
+        return f"spread {point.found:.3g}"
+    return error_text(point)
+
+
+def markdown(results: Sequence[Result]) -> str:
+    """The README's table."""
+    lines: list[Sequence[str]] = [COLUMNS, ["---"] * len(COLUMNS)]
+    lines += [[*cells, *[""] * (len(COLUMNS) - len(cells))] for cells in map(row, results)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)

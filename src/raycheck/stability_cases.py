@@ -415,25 +415,25 @@ CASES: tuple[Case, ...] = (
         "multiplied, in double.",
     ),
     Case(
-        "distant-sphere", "Distant sphere light", "distance", (10.0, *decades(10, 150, 10)), 1e100, EXACT,
+        "distant-sphere", "Distant sphere light", "distance", (*decades(1, 20), *decades(30, 150, 10)), 1e100, EXACT,
         lambda d: one(x=0.6 * d, z=0.8 * d, radius=0.01 * d), lambda p: _sphere(p, p("x"), p("z"), p("radius")),
         wrong="d² overflows single floats at 1.8e19.",
         instead="Double: d² up to 1e300. --precision auto takes it where a scene reaches beyond 1e6.",
     ),
     Case(
-        "distant-point", "Distant point light", "distance", (10.0, *decades(10, 150, 10)), 1e100, EXACT,
+        "distant-point", "Distant point light", "distance", (*decades(1, 20), *decades(30, 150, 10)), 1e100, EXACT,
         lambda d: one(x=0.6 * d, z=0.8 * d, intensity=d * d), _distant_point,
         wrong="As above.", instead="As above.",
     ),
     Case(
-        "tiny-disk", "Tiny disk light", "r/d", (0.1, *decades(-10, -150, 10)), 1e-100, EXACT,
+        "tiny-disk", "Tiny disk light", "r/d", (*decades(-1, -12), *decades(-20, -150, 10)), 1e-100, EXACT,
         lambda r: one(radius=r, radiance=1 / r**2), _disk,
         wrong="The density of a point on the light, d²/(A cosθ), is squared in the power heuristic and overflows.",
         instead="Densities of lights are kept as 1/p, and the weight is 1/(1 + (p_b/p_l)²): the ratio first. What "
         "underflows then is a weight that is 1 anyway.",
     ),
     Case(
-        "tiny-rectangle", "Tiny rectangle light", "side/2d", (0.1, *decades(-10, -150, 10)), 1e-100, EXACT,
+        "tiny-rectangle", "Tiny rectangle light", "side/2d", (*decades(-1, -12), *decades(-20, -150, 10)), 1e-100, EXACT,
         lambda r: one(half=r, radiance=1 / r**2), _square,
         wrong="As above, and the inverse of a matrix that small overflows.", instead="As above; the inverse has columns of its own scale.",
     ),
@@ -461,7 +461,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "white-furnace", "Furnace that hardly absorbs, with roulette", "1 − ρ", decades(-1, -5), 1e-5, 1e-2,
         lambda x: one(reflectance=1 - x, radiance=x), lambda p: same(p("radiance") / (1 - p("reflectance"))),
-        samples=lambda x: min(1 << 16, int(1.6e9 * x)), quick=(1e-1, 1e-2), most_mitsuba=1 << 14,
+        samples=lambda x: min(1 << 16, int(1.6e9 * x)), quick=(1e-1, 1e-2), most_mitsuba=1 << 17,
         options=("--estimator", "walk"),
         wrong="Survival is often capped at 0.95 “so that paths end”. Where walls reflect more than that, each bounce "
         "multiplies by albedo/0.95: the second moment grows without end, and the mean is carried by paths that are "
@@ -491,7 +491,7 @@ CASES: tuple[Case, ...] = (
     ),
     Case(
         "slivers", "Slivers", "width", decades(-1, -14), 1e-12, 0.0, _sliver, lambda p: Truth(mpf(0), mpf(1)),
-        samples=lambda value: 1 << 18, most_mitsuba=1 << 16,
+        samples=lambda value: 1 << 16, most_mitsuba=1 << 16,
         wrong="As above; in strips of width 1e-6, 2.4 % of all rays.",
         instead="As above. A sliver's normal is the cross product of edges scaled to 1, so that nothing underflows.",
     ),
