@@ -3,6 +3,7 @@
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
+# make stability  how far both renderers hold in stiff cases, half an hour, into references/stability.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 
@@ -48,7 +49,7 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all demo test references thorough techniques benchmark clean FORCE
+.PHONY: all demo test references thorough techniques stability benchmark clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -124,6 +125,11 @@ techniques: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(RAYCHECK) techniques --json references/techniques.json
 	$(PYTHON) scripts/readme_prices.py
+
+stability: $(BUILD)/.system-test $(VENV)/.test
+	$(MAKE) all
+	$(RAYCHECK) stability --json references/stability.json
+	$(PYTHON) scripts/readme_stability.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all

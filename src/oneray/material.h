@@ -135,8 +135,8 @@ INLINE Real refracted_cosine(Real c, Real ratio)
    product, not as 1 - reflectance, it keeps its digits at grazing angles and next to total reflection. */
 INLINE Real fresnel_dielectric(Real c, Real c_t, Real ratio)
 {
-    Real rc = ratio * c, s = real(1) / (rc + c_t), p = real(1) / (ratio * c_t + c);
-    return only(c_t > real(0), real(2) * ((rc * s) * (c_t * s) + (rc * p) * (c_t * p)));
+    Real rc = ratio * c, rc_t = ratio * c_t, s = rc + c_t, p = rc_t + c;
+    return only(c_t > real(0), real(2) * ((rc / s) * (c_t / s) + (c / p) * (rc_t / p)));
 }
 
 /* L15 1 minus Schlick's approximation as in the lecture, R0 + (1 - R0)(1 - c)⁵, with the cosine on the side of the
@@ -155,7 +155,7 @@ INLINE void sample_dielectric(const Materials *materials, const Surface *s, Inde
 {
     Real ratio = gather(&materials->eta[0][0], row * 3), c = s->cos_o, c_t = refracted_cosine(c, ratio);
     Real transmittance = f & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
-    Mask reflects = u >= transmittance;
+    Mask reflects = real(1) - u >= transmittance;
     Vec refracted = vec_sub(vec_scale(s->n, ratio * c - c_t), vec_scale(s->wo, ratio));
     Vec tint = vec_gather((const Num(*)[3])materials->k, row);
     scatter->wi = vec_select(reflects, mirrored(s), refracted);

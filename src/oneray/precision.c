@@ -42,6 +42,12 @@ static bool because(Reason reason, const char *format, ...)
 
 static double largest(const double a[3]) { return fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2]))); }
 
+/* A light in a point that is not left out. */
+static bool is_point(const Light *light)
+{
+    return (light->kind == LIGHT_POINT || light->kind == LIGHT_SPOT) && light_has_power(light);
+}
+
 /* M, the largest coordinate, and how far the scene extends along its longest axis. */
 static double reach_of(const Description *d, double *extent)
 {
@@ -53,7 +59,7 @@ static double reach_of(const Description *d, double *extent)
     }
     reach = fmax(largest(origin), fmax(largest(low), largest(high)));
     for (int i = 0; i < d->light_count; i++)
-        if (d->lights[i].kind == LIGHT_POINT || d->lights[i].kind == LIGHT_SPOT)
+        if (is_point(&d->lights[i]))
             reach = fmax(reach, largest(d->lights[i].position));
     return reach;
 }
@@ -92,8 +98,7 @@ static bool odd_material(const Description *d, Reason reason)
 /* What the light gives at the scene's own distance, of the order of a radiance. */
 static double met_of(const Light *light, int channel, double reach)
 {
-    bool near = light->kind == LIGHT_POINT || light->kind == LIGHT_SPOT;
-    return near ? light->emission[channel] / (reach * reach) : light->emission[channel];
+    return is_point(light) ? light->emission[channel] / (reach * reach) : light->emission[channel];
 }
 
 static bool odd_range(const Description *d, double reach, Reason reason)
@@ -116,7 +121,7 @@ static bool odd_light(const Light *light, double reach, Reason reason)
         if (light->emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
             return because(reason, "line %d: a light of %.1g", light->line, light->emission[c]);
     }
-    if (light->kind == LIGHT_SPOT) {
+    if (light->kind == LIGHT_SPOT && light_has_power(light)) {
         double rim = light->cutoff_angle - light->beam_width;
         if (light->cutoff_angle < 1e-3 || rim < 1e-3 * light->cutoff_angle)
             return because(reason, "line %d: a spot with a cone or rim of less than 0.001", light->line);
@@ -266,7 +271,7 @@ static bool odd_gap(const Description *d, double reach, Reason reason)
     for (int i = 0; i < count && !found; i++)
         for (int k = 0; k < d->light_count && bodies[i].plane_count && !found; k++) {
             const Light *light = &d->lights[k];
-            if ((light->kind == LIGHT_POINT || light->kind == LIGHT_SPOT)
+            if (is_point(light)
                 && fabs(height_over(bodies[i].planes, light->position)) < limit)
                 found = because(reason, "line %d: a light in the plane of line %d", light->line,
                     bodies[i].shape->line);

@@ -73,8 +73,8 @@ static bool is_radiance(const double radiance[3])
     return true;
 }
 
-/* The vertex, counted from 1 at the first surface, up to which the sample is a radiance and with which it no
-   longer is: the same path again, cut at 1, 2, 4, … vertices and then between. 0 if it never happens. */
+/* The vertex, the first surface being 1 and a light's point the last, with which the sample stops being a radiance:
+   the same path again, cut at 1, 2, 4, … vertices and then between. 0 if it never does. */
 static int bad_vertex(const Render *r, size_t pixel, uint64_t sample)
 {
     int good = 0, bad = 0;

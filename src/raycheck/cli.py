@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck import mitsuba_reference, prices, reference_making, references, stability as stiff, words
+from raycheck import mitsuba_reference, prices, reference_making, references, words
+from raycheck import stability as stiff
 from raycheck.compare import compare as compare_images
 from raycheck.images import ImageError
 from raycheck.references import ReferenceError_
@@ -217,8 +218,8 @@ def stability(
         Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
     ] = None,
 ) -> None:
-    """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit status 1
-    if oneray misses a goal.
+    """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
+    status 1 if oneray misses a goal.
     """
     _writable(json_file)
     with _progress("sweeping") as on_case, _plain_errors():

@@ -28,11 +28,9 @@ def _ticks(low: int, high: int, most: int = 9) -> Iterator[int]:
     return (n for n in range(low, high + 1) if n % step == 0)
 
 
-def log_log(
-    curves: Mapping[str, Points], x_label: str, y_label: str, plain: Collection[str] = ()
-) -> str:
-    """The curves, each a line with markers of its own shape, so that they differ without colour as well; those
-    that are `plain` are dashed and have none.
+def log_log(curves: Mapping[str, Points], x_label: str, y_label: str, plain: Collection[str] = ()) -> str:
+    """The curves, each a line with markers of its own shape, so that they differ without colour as well;
+    those that are `plain` are dashed and have none.
     """
     every = [point for points in curves.values() for point in points]
     if not every:

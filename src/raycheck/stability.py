@@ -1,7 +1,7 @@
 """How far a renderer holds in stiff cases: sweeps over decades against closed forms.
 
-A point fails where its error is beyond what the case allows and beyond 5 standard errors, where the picture is not
-finite, or where there is none. `scenes/stiff` has the scenes, stability_cases.py the cases.
+A point fails where its error is beyond what the case allows and beyond 5 standard errors, where the picture
+is not finite, or where there is none. `scenes/stiff` has the scenes, stability_cases.py the cases.
 """
 
 import json
@@ -9,7 +9,6 @@ import math
 import re
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -22,7 +21,6 @@ from mpmath import mp
 from numpy.typing import NDArray
 
 from raycheck import words
-from raycheck.images import load_image
 from raycheck.renderers import NotFound, RenderError, oneray_command, oneray_path
 from raycheck.stability_cases import CASES, DIGITS, Case, Parsed, Settings, Truth
 
@@ -40,8 +38,8 @@ class Point:
     """A value of the swept parameter.
 
     Attributes:
-        expected, found: the closed form and the pixels' mean, W·sr⁻¹·m⁻², both over `unit` of Truth where that
-            says so; for measures other than `mean` the share or spread.
+        expected, found: the closed form and the pixels' mean, W·sr⁻¹·m⁻²; for measures other than `mean` what
+            is allowed, and the share or spread.
         error: relative; of a spread, the spread itself.
         noise: standard error of it.
     """
@@ -175,7 +173,9 @@ def mitsuba() -> Iterator[Mitsuba | None]:
         found.close()
 
 
-def measure(case: Case, pixels: Array, truth: Truth, spp: int, settings: Settings) -> tuple[float, float, float]:
+def measure(
+    case: Case, pixels: Array, truth: Truth, spp: int, settings: Settings
+) -> tuple[float, float, float]:
     """(found, error, noise) of a picture, see Point."""
     mean = float(pixels.mean())
     noise = float(pixels.std(ddof=1)) / math.sqrt(pixels.size) if pixels.size > 1 else 0.0
@@ -186,7 +186,11 @@ def measure(case: Case, pixels: Array, truth: Truth, spp: int, settings: Setting
     if case.measure == "spread":
         spread = float(pixels.std(ddof=1)) * math.sqrt(spp) / float(truth.value)
         bias = abs(mean - float(truth.value))
-        return spread, spread if bias <= SIGMAS * noise or mean == 0 else math.inf, spread / math.sqrt(2 * pixels.size)
+        return (
+            spread,
+            spread if bias <= SIGMAS * noise or mean == 0 else math.inf,
+            spread / math.sqrt(2 * pixels.size),
+        )
     with mp.workdps(DIGITS):
         return mean, float((mp.mpf(mean) - truth.value) / truth.unit), noise / unit
 
@@ -218,7 +222,14 @@ def _size(point: Point) -> float:
 
 
 def _render_point(
-    case: Case, x: float, settings: Settings, truth: Truth, renderer: Renders, within: float, samples: int, seed: int
+    case: Case,
+    x: float,
+    settings: Settings,
+    truth: Truth,
+    renderer: Renders,
+    within: float,
+    samples: int,
+    seed: int,
 ) -> Point:
     expected = float(truth.value) if case.measure == "mean" else 1.0 if case.measure == "bounces" else within
     spp = samples if case.name == "many-samples" else max(1, samples // PIXELS)
@@ -229,13 +240,15 @@ def _render_point(
     if not np.isfinite(pixels).all():
         return Point(x, expected, None, None, 0.0, False, "not finite")
     found, error, noise = measure(case, pixels, truth, spp, settings)
-    beyond = abs(error) > within and (case.measure == "spread" or abs(error) - within > SIGMAS * noise or within == 0)
+    beyond = abs(error) > within and (
+        case.measure == "spread" or abs(error) - within > SIGMAS * noise or within == 0
+    )
     black = case.measure != "bounces" and found == 0 and truth.value != 0
     return Point(x, expected, found, error, noise, not (beyond or black), "black" if black else "")
 
 
 def allowed(case: Case, renderer: Renders) -> float:
-    """The error that a case allows; single floats get 1 % where doubles get less, unless it is none at all."""
+    """The error that a case allows; single floats get 1 % where doubles get less, unless it is none."""
     single = renderer.single and case.measure == "mean" and case.within > 0
     return max(case.within, MITSUBA_WITHIN) if single else case.within
 
@@ -269,9 +282,12 @@ class Step:
 
 
 def run(
-    cases: Sequence[Case], quick: bool = False, seed: int = 0, on_case: Callable[[Step, int], None] | None = None
+    cases: Sequence[Case],
+    quick: bool = False,
+    seed: int = 0,
+    on_case: Callable[[Step, int], None] | None = None,
 ) -> list[Result]:
-    """Sweep the cases with oneray, and with Mitsuba where it is installed; `quick`: few values, oneray alone."""
+    """Sweep the cases with oneray, and with Mitsuba where it is installed; `quick`: few values, oneray."""
     results = []
     with nullcontext() if quick else mitsuba() as other:
         renderers: list[Renders] = [Oneray(), *([other] if other else [])]
@@ -339,7 +355,13 @@ def error_text(point: Point) -> str:
 def row(result: Result) -> tuple[str, ...]:
     """The cells of a case's line."""
     case = cases_named([result.case])[0]
-    limit = f"spread {case.within:g}" if case.measure == "spread" else f"{case.within:.0e}" if case.within < 1e-4 else words.percent(case.within)
+    limit = (
+        f"spread {case.within:g}"
+        if case.measure == "spread"
+        else f"{case.within:.0e}"
+        if case.within < 1e-4
+        else words.percent(case.within)
+    )
     limit = limit if case.within else "none"
     cells = [result.case, result.parameter, limit, value(result.goal)]
     for curve in result.curves:

@@ -1,8 +1,9 @@
-"""The stiff cases: which parameter of which scene is swept, what the picture ought to be, how far it should hold.
+"""The stiff cases: which parameter of which scene is swept, what the picture ought to be, how far it should
+hold.
 
 Closed forms are evaluated with mpmath at 60 digits from the numbers of the scene as a program parses them:
-rounded to double for oneray, to single for Mitsuba's scalar_rgb. Radiances, W·sr⁻¹·m⁻², are scaled with what is
-swept, so that the picture stays within what single floats hold.
+rounded to double for oneray, to single for Mitsuba's scalar_rgb. Radiances, W·sr⁻¹·m⁻², are scaled with what
+is swept, so that the picture stays within what single floats hold.
 """
 
 import math
@@ -29,7 +30,9 @@ class Parsed:
 
     def __init__(self, scene: Path, settings: Settings, single: bool = False):
         self.root = ElementTree.parse(scene).getroot()
-        self.texts = {d.get("name", ""): d.get("value", "") for d in self.root.iter("default")} | dict(settings)
+        self.texts = {d.get("name", ""): d.get("value", "") for d in self.root.iter("default")} | dict(
+            settings
+        )
         self.single = single
 
     def __call__(self, name: str) -> mpf:
@@ -268,7 +271,11 @@ def _grazing_at(cosine: float) -> list[Settings]:
     """The light 0.6 along the first side of the plane, 0.2 along the second, and `height` above."""
     height = cosine * math.sqrt(0.4)
     with mp.workdps(DIGITS):
-        sides = ((mpf("0.8"), 0, mpf("0.6")), (mpf("0.36"), mpf("0.8"), mpf("-0.48")), (mpf("-0.48"), mpf("0.6"), mpf("0.64")))
+        sides = (
+            (mpf("0.8"), 0, mpf("0.6")),
+            (mpf("0.36"), mpf("0.8"), mpf("-0.48")),
+            (mpf("-0.48"), mpf("0.6"), mpf("0.64")),
+        )
         place = [
             float(mpf(o) + mpf("0.6") * a + mpf("0.2") * b + mpf(height) * n)
             for o, (a, b, n) in zip(("0.1", "0.2", "0.3"), sides, strict=True)
@@ -292,9 +299,12 @@ def _setting_at(rise: float) -> list[Settings]:
 
 def _corridor(count: float) -> list[Settings]:
     slopes = (0.5, 0.75, 1.25, 2.0)
-    kept = 1 - 5 / max(count, 100.0)  # so that each count shows, and the light of all of them is within floats
+    kept = 1 - 5 / max(
+        count, 100.0
+    )  # so that each count shows, and the light of all of them is within floats
     return [
-        one(length=count / s, slope=s, depth=int(count) + 10, far=10 * count, reflectance=kept)[0] for s in slopes
+        one(length=count / s, slope=s, depth=int(count) + 10, far=10 * count, reflectance=kept)[0]
+        for s in slopes
     ]
 
 
@@ -309,7 +319,9 @@ def ball_targets(count: int = 12) -> list[str]:
     """Vertices and middles of edges of the mesh that mesh-seams.xml looks at from within."""
     lines = (scenes_dir() / "meshes" / "coarse-ball.ply").read_text().split("end_header\n")[1].splitlines()
     vertices = [np.array([float(word) for word in line.split()[:3]]) for line in lines[:42]]
-    edges = {tuple(sorted(pair)) for line in lines[42:] for pair in _edges([int(w) for w in line.split()[1:]])}
+    edges = {
+        tuple(sorted(pair)) for line in lines[42:] for pair in _edges([int(w) for w in line.split()[1:]])
+    }
     places = [*vertices[::4], *((vertices[a] + vertices[b]) / 2 for a, b in sorted(edges)[::11])]
     return [", ".join(repr(float(x)) for x in place) for place in places][: 2 * count]
 
@@ -332,194 +344,407 @@ GAPS = decades(-1, -15)
 
 CASES: tuple[Case, ...] = (
     Case(
-        "small-sphere-light", "Small sphere light", "r/d", decades(-1, -18), 1e-15, EXACT,
+        "small-sphere-light",
+        "Small sphere light",
+        "r/d",
+        decades(-1, -18),
+        1e-15,
+        EXACT,
         lambda s: one(radius=s, radiance=1 / s**2),
         lambda p: _sphere(p, p.number(0.6), p.number(0.8), p("radius")),
-        wrong="The cone that a sphere fills is 2π(1 − cosθ) wide. For the sun 1 − cosθ is 1e-5, and in single "
-        "precision a cosine is known to 6e-8: below r/d ≈ 2e-4 nothing is left but rounding, and the light "
-        "turns black or several times too bright.",
-        instead="1 − cosθ is computed itself, as s²/(1 + √((1−s)(1+s))), and so is the cosine of a sample: with "
-        "x = u (1 − cosθ) its sine is √(x(2−x)). The density comes from the very same number, so that what "
-        "rounding is left cancels. A sphere that shines outwards is never taken to hide its own near side.",
+        wrong="The cone that a sphere fills is 2π(1 − cosθ) wide. For the sun 1 − cosθ is 1e-5, and in "
+        "single precision a cosine is known to 6e-8: below r/d ≈ 2e-4 nothing is left but rounding, "
+        "and the light turns black or several times too bright.",
+        instead="1 − cosθ is computed itself, as s²/(1 + √((1−s)(1+s))), and so is the cosine of a sample: "
+        "with x = u (1 − cosθ) its sine is √(x(2−x)). The density comes from the very same number, "
+        "so that what rounding is left cancels. A sphere that shines outwards is never taken to "
+        "hide its own near side.",
     ),
     Case(
-        "touching-sphere", "Patch nearly touching a sphere light", "gap/r", GAPS, 1e-12, 1e-2,
-        lambda g: one(gap=g, half=g / 10, camera=-g / 2, near=g / 100), _touching,
-        wrong="The distance to the sphere, −b − √(b² − c), is a small difference of large numbers, and an offset "
-        "of the ray's origin by a fixed epsilon starts the ray inside.",
+        "touching-sphere",
+        "Patch nearly touching a sphere light",
+        "gap/r",
+        GAPS,
+        1e-12,
+        1e-2,
+        lambda g: one(gap=g, half=g / 10, camera=-g / 2, near=g / 100),
+        _touching,
+        wrong="The distance to the sphere, −b − √(b² − c), is a small difference of large numbers, and an "
+        "offset of the ray's origin by a fixed epsilon starts the ray inside.",
         instead="Along a sampled direction the distance is (d−r)(d+r)/(d cosθ + √(r² − d² sin²θ)), where "
         "nothing cancels. No ray is moved: it knows which surface it starts from.",
     ),
     Case(
-        "inner-wall", "Patch near the inner wall of a glowing sphere", "gap/r", GAPS, 1e-12, 1e-3,
-        lambda g: one(gap=g, half=math.sqrt(g) / 100, fov=math.degrees(math.sqrt(g) / 500)), _inner,
-        samples=lambda value: 1 << 18, most_mitsuba=1 << 18,
-        wrong="Sampling a sphere light asks whether the point is inside or outside, and so does the density of a "
-        "ray that hits it. Where rounding lets the two answer differently, the weights do not add up to 1.",
-        instead="One function, view_sphere, decides; sampling and density share its answer. A point of the sphere "
-        "itself is inside.",
+        "inner-wall",
+        "Patch near the inner wall of a glowing sphere",
+        "gap/r",
+        GAPS,
+        1e-12,
+        1e-3,
+        lambda g: one(gap=g, half=math.sqrt(g) / 100, fov=math.degrees(math.sqrt(g) / 500)),
+        _inner,
+        samples=lambda value: 1 << 18,
+        most_mitsuba=1 << 18,
+        wrong="Sampling a sphere light asks whether the point is inside or outside, and so does the "
+        "density of a ray that hits it. Where rounding lets the two answer differently, the weights "
+        "do not add up to 1.",
+        instead="One function, view_sphere, decides; sampling and density share its answer. A point of the "
+        "sphere itself is inside.",
     ),
     Case(
-        "contact-shadow", "Contact shadow", "gap", GAPS, 1e-12, 1e-2, _gap, _dark,
-        wrong="To keep a ray from hitting the surface that it leaves, its origin is moved by an epsilon. An "
-        "occluder closer than that is jumped over: light leaks under it.",
-        instead="The ray leaves out the surface that it starts from, by its number. Points lie on their planes to "
-        "the last digit, and there is no epsilon.",
+        "contact-shadow",
+        "Contact shadow",
+        "gap",
+        GAPS,
+        1e-12,
+        1e-2,
+        _gap,
+        _dark,
+        wrong="To keep a ray from hitting the surface that it leaves, its origin is moved by an epsilon. "
+        "An occluder closer than that is jumped over: light leaks under it.",
+        instead="The ray leaves out the surface that it starts from, by its number. Points lie on their "
+        "planes to the last digit, and there is no epsilon.",
     ),
     Case(
-        "contact-light", "Light in contact", "gap", GAPS, 1e-12, 1e-2,
-        lambda g: [{**_gap(g)[0], "middle": repr(1 - g)}], _contact_light,
-        wrong="The same epsilon lets the ray start behind the light, and 1/d² has no bound for points uniform on it.",
-        instead="No epsilon, and a near rectangle is sampled uniformly in its solid angle (Ureña et al. 2013).",
+        "contact-light",
+        "Light in contact",
+        "gap",
+        GAPS,
+        1e-12,
+        1e-2,
+        lambda g: [{**_gap(g)[0], "middle": repr(1 - g)}],
+        _contact_light,
+        wrong="The same epsilon lets the ray start behind the light, and 1/d² has no bound for points "
+        "uniform on it.",
+        instead="No epsilon, and a near rectangle is sampled uniformly in its solid angle (Ureña et al. "
+        "2013).",
     ),
     Case(
-        "occluder-below-light", "Occluder just below a light", "gap/d", GAPS, 1e-12, 1e-2,
-        lambda g: one(gap=g), _dark,
-        wrong="Shadow rays are cut short by a share of their length, so as not to hit the light itself. What is "
-        "in the last thousandth then hides nothing.",
+        "occluder-below-light",
+        "Occluder just below a light",
+        "gap/d",
+        GAPS,
+        1e-12,
+        1e-2,
+        lambda g: one(gap=g),
+        _dark,
+        wrong="Shadow rays are cut short by a share of their length, so as not to hit the light itself. "
+        "What is in the last thousandth then hides nothing.",
         instead="The ray goes all the way, and leaves out the primitive that it ends on, by its number.",
     ),
     Case(
-        "thin-slab", "Thin slab of glass", "thickness", GAPS, 1e-12, 1e-2,
-        lambda t: one(half=t / 2), _slab, samples=lambda value: 1 << 18, most_mitsuba=1 << 17,
-        wrong="A refracted ray that starts an epsilon further is already beyond a thin slab: reflections within "
-        "it are lost.",
-        instead="Within a solid the ray can only meet the far side, and it knows the face that it starts from.",
+        "thin-slab",
+        "Thin slab of glass",
+        "thickness",
+        GAPS,
+        1e-12,
+        1e-2,
+        lambda t: one(half=t / 2),
+        _slab,
+        samples=lambda value: 1 << 18,
+        most_mitsuba=1 << 17,
+        wrong="A refracted ray that starts an epsilon further is already beyond a thin slab: reflections "
+        "within it are lost.",
+        instead="Within a solid the ray can only meet the far side, and it knows the face that it starts "
+        "from.",
     ),
     Case(
-        "scale-small", "Whole-scene scale, small", "scale", decades(0, -18), 1e-12, 1e-2, _scale, _lamps, scene="scale",
+        "scale-small",
+        "Whole-scene scale, small",
+        "scale",
+        decades(0, -18),
+        1e-12,
+        1e-2,
+        _scale,
+        _lamps,
+        scene="scale",
         wrong="Epsilons of the kind 1e-4 (1 + |p|) are a share of the scene only while it is about 1 large.",
         instead="Nothing is compared with an absolute length.",
     ),
     Case(
-        "scale-large", "Whole-scene scale, large", "scale", decades(0, 18), 1e12, 1e-2, _scale, _lamps, scene="scale",
+        "scale-large",
+        "Whole-scene scale, large",
+        "scale",
+        decades(0, 18),
+        1e12,
+        1e-2,
+        _scale,
+        _lamps,
+        scene="scale",
         wrong="As above, and squares overflow in single precision from 1e19 on.",
         instead="As above, in double precision.",
     ),
     Case(
-        "scale-furnace", "Furnace of any size", "radius", decades(0, -18), 1e-12, 1e-2, _furnace_scale, _furnace,
-        wrong="In a furnace of radius 1e-4 a step of 1e-5 at each bounce leaves the sphere, or misses near walls.",
+        "scale-furnace",
+        "Furnace of any size",
+        "radius",
+        decades(0, -18),
+        1e-12,
+        1e-2,
+        _furnace_scale,
+        _furnace,
+        wrong="In a furnace of radius 1e-4 a step of 1e-5 at each bounce leaves the sphere, or misses "
+        "near walls.",
         instead="As above.",
     ),
     Case(
-        "offset", "Far from the origin", "offset", decades(0, 15), 1e7, 1e-2, _offset, _lamps,
-        wrong="Single floats at 1e4 are 1e-3 apart: a gap of 1/64 is a few steps wide, and epsilons grow with |p|.",
-        instead="Geometry in double: at 1e7 numbers are 2e-9 apart. --precision auto takes double where a scene is "
-        "further from the origin than 16 times its size.",
+        "offset",
+        "Far from the origin",
+        "offset",
+        decades(0, 15),
+        1e7,
+        1e-2,
+        _offset,
+        _lamps,
+        wrong="Single floats at 1e4 are 1e-3 apart: a gap of 1/64 is a few steps wide, and epsilons grow "
+        "with |p|.",
+        instead="Geometry in double: at 1e7 numbers are 2e-9 apart. --precision auto takes double where a "
+        "scene is further from the origin than 16 times its size.",
     ),
     Case(
-        "grazing", "Light just above a plane", "cosθ", decades(-1, -15), 1e-12, 1e-2, _grazing_at, _grazing,
-        wrong="The cosine of a light near the horizon is a difference of products of about 1: in single precision "
-        "6e-8 of them stay, and so much of a cosine of 1e-6 is wrong.",
+        "grazing",
+        "Light just above a plane",
+        "cosθ",
+        decades(-1, -15),
+        1e-12,
+        1e-2,
+        _grazing_at,
+        _grazing,
+        wrong="The cosine of a light near the horizon is a difference of products of about 1: in single "
+        "precision 6e-8 of them stay, and so much of a cosine of 1e-6 is wrong.",
         instead="Points are put onto their plane, and vectors between points are taken before anything is "
         "multiplied, in double.",
     ),
     Case(
-        "distant-sphere", "Distant sphere light", "distance", (*decades(1, 20), *decades(30, 150, 10)), 1e100, EXACT,
-        lambda d: one(x=0.6 * d, z=0.8 * d, radius=0.01 * d), lambda p: _sphere(p, p("x"), p("z"), p("radius")),
+        "distant-sphere",
+        "Distant sphere light",
+        "distance",
+        (*decades(1, 20), *decades(30, 150, 10)),
+        1e100,
+        EXACT,
+        lambda d: one(x=0.6 * d, z=0.8 * d, radius=0.01 * d),
+        lambda p: _sphere(p, p("x"), p("z"), p("radius")),
         wrong="d² overflows single floats at 1.8e19.",
         instead="Double: d² up to 1e300. --precision auto takes it where a scene reaches beyond 1e6.",
     ),
     Case(
-        "distant-point", "Distant point light", "distance", (*decades(1, 20), *decades(30, 150, 10)), 1e100, EXACT,
-        lambda d: one(x=0.6 * d, z=0.8 * d, intensity=d * d), _distant_point,
-        wrong="As above.", instead="As above.",
+        "distant-point",
+        "Distant point light",
+        "distance",
+        (*decades(1, 20), *decades(30, 150, 10)),
+        1e100,
+        EXACT,
+        lambda d: one(x=0.6 * d, z=0.8 * d, intensity=d * d),
+        _distant_point,
+        wrong="As above.",
+        instead="As above.",
     ),
     Case(
-        "tiny-disk", "Tiny disk light", "r/d", (*decades(-1, -12), *decades(-20, -150, 10)), 1e-100, EXACT,
-        lambda r: one(radius=r, radiance=1 / r**2), _disk,
-        wrong="The density of a point on the light, d²/(A cosθ), is squared in the power heuristic and overflows.",
-        instead="Densities of lights are kept as 1/p, and the weight is 1/(1 + (p_b/p_l)²): the ratio first. What "
-        "underflows then is a weight that is 1 anyway.",
+        "tiny-disk",
+        "Tiny disk light",
+        "r/d",
+        (*decades(-1, -12), *decades(-20, -150, 10)),
+        1e-100,
+        EXACT,
+        lambda r: one(radius=r, radiance=1 / r**2),
+        _disk,
+        wrong="The density of a point on the light, d²/(A cosθ), is squared in the power heuristic and "
+        "overflows.",
+        instead="Densities of lights are kept as 1/p, and the weight is 1/(1 + (p_b/p_l)²): the ratio "
+        "first. What underflows then is a weight that is 1 anyway.",
     ),
     Case(
-        "tiny-rectangle", "Tiny rectangle light", "side/2d", (*decades(-1, -12), *decades(-20, -150, 10)), 1e-100, EXACT,
-        lambda r: one(half=r, radiance=1 / r**2), _square,
-        wrong="As above, and the inverse of a matrix that small overflows.", instead="As above; the inverse has columns of its own scale.",
+        "tiny-rectangle",
+        "Tiny rectangle light",
+        "side/2d",
+        (*decades(-1, -12), *decades(-20, -150, 10)),
+        1e-100,
+        EXACT,
+        lambda r: one(half=r, radiance=1 / r**2),
+        _square,
+        wrong="As above, and the inverse of a matrix that small overflows.",
+        instead="As above; the inverse has columns of its own scale.",
     ),
     Case(
-        "radiance-low", "Dim light", "radiance of the picture", decades(0, -44), 1e-37, 1e-2, lambda out: one(radiance=2 * out),
-        lambda p: same(p.number(0.5) * p("radiance")), scene="radiance", samples=lambda value: 1 << 18, most_mitsuba=1 << 17,
+        "radiance-low",
+        "Dim light",
+        "radiance of the picture",
+        decades(0, -44),
+        1e-37,
+        1e-2,
+        lambda out: one(radiance=2 * out),
+        lambda p: same(p.number(0.5) * p("radiance")),
+        scene="radiance",
+        samples=lambda value: 1 << 18,
+        most_mitsuba=1 << 17,
         wrong="Radiances below 1e-38 lose digits as single floats, and products with them are 0.",
-        instead="Sums in double; --precision auto renders in double what is dimmer than 1e-12. The picture's single "
-        "floats end at 1e-45.",
+        instead="Sums in double; --precision auto renders in double what is dimmer than 1e-12. The "
+        "picture's single floats end at 1e-45.",
     ),
     Case(
-        "radiance-high", "Bright light", "radiance of the picture", (*decades(0, 38), 3e38), 1e38, 1e-2, lambda out: one(radiance=2 * out),
-        lambda p: same(p.number(0.5) * p("radiance")), scene="radiance", samples=lambda value: 1 << 18, most_mitsuba=1 << 17,
+        "radiance-high",
+        "Bright light",
+        "radiance of the picture",
+        (*decades(0, 38), 3e38),
+        1e38,
+        1e-2,
+        lambda out: one(radiance=2 * out),
+        lambda p: same(p.number(0.5) * p("radiance")),
+        scene="radiance",
+        samples=lambda value: 1 << 18,
+        most_mitsuba=1 << 17,
         wrong="A sum of samples overflows long before their mean does.",
         instead="As above. A mean beyond 3.4e38, which no picture of single floats can hold, is an error.",
     ),
     Case(
-        "many-samples", "Many samples in one pixel", "samples", tuple(2.0**k for k in range(10, 27, 2)), 2.0**26, EXACT,
-        lambda n: one(), lambda p: same(p("radiance")), samples=lambda value: int(value), quick=(2.0**10, 2.0**20),
+        "many-samples",
+        "Many samples in one pixel",
+        "samples",
+        tuple(2.0**k for k in range(10, 27, 2)),
+        2.0**26,
+        EXACT,
+        lambda n: one(),
+        lambda p: same(p("radiance")),
+        samples=lambda value: int(value),
+        quick=(2.0**10, 2.0**20),
         most_mitsuba=1 << 24,
-        wrong="A single float that has counted to 2²⁴ no longer grows by adding 1: the mean of equal samples drifts, "
-        "1 % at 2²⁰, 15 % at 2²⁴.",
+        wrong="A single float that has counted to 2²⁴ no longer grows by adding 1: the mean of equal "
+        "samples drifts, 1 % at 2²⁰, 15 % at 2²⁴.",
         instead="Sums in double, in a fixed binary tree over the samples' index.",
     ),
     Case(
-        "white-furnace", "Furnace that hardly absorbs, with roulette", "1 − ρ", decades(-1, -5), 1e-5, 1e-2,
-        lambda x: one(reflectance=1 - x, radiance=x), lambda p: same(p("radiance") / (1 - p("reflectance"))),
-        samples=lambda x: min(1 << 16, int(1.6e9 * x)), quick=(1e-1, 1e-2), most_mitsuba=1 << 17,
+        "white-furnace",
+        "Furnace that hardly absorbs, with roulette",
+        "1 − ρ",
+        decades(-1, -5),
+        1e-5,
+        1e-2,
+        lambda x: one(reflectance=1 - x, radiance=x),
+        lambda p: same(p("radiance") / (1 - p("reflectance"))),
+        samples=lambda x: min(1 << 16, int(1.6e9 * x)),
+        quick=(1e-1, 1e-2),
+        most_mitsuba=1 << 17,
         options=("--estimator", "walk"),
-        wrong="Survival is often capped at 0.95 “so that paths end”. Where walls reflect more than that, each bounce "
-        "multiplies by albedo/0.95: the second moment grows without end, and the mean is carried by paths that are "
-        "never drawn.",
-        instead="A path survives with min(1, throughput), without a cap. The limit of 10⁷ vertices is an error, not a cut.",
+        wrong="Survival is often capped at 0.95 “so that paths end”. Where walls reflect more than that, "
+        "each bounce multiplies by albedo/0.95: the second moment grows without end, and the mean "
+        "is carried by paths that are never drawn.",
+        instead="A path survives with min(1, throughput), without a cap. The limit of 10⁷ vertices is an "
+        "error, not a cut.",
     ),
     Case(
-        "corridor", "Light down a corridor of mirrors", "reflections", (10.0, 100.0, 1000.0, 1e4, 1e5), 1e4, 1e-2, _corridor,
-        lambda p: same(p("radiance")), samples=lambda value: 256, measure="bounces",
-        wrong="A ray between mirrors starts off its mirror by rounding, or by the epsilon that was to help: one "
-        "in some thousand rays meets the same mirror twice or slips behind it.",
+        "corridor",
+        "Light down a corridor of mirrors",
+        "reflections",
+        (10.0, 100.0, 1000.0, 1e4, 1e5),
+        1e4,
+        1e-2,
+        _corridor,
+        lambda p: same(p("radiance")),
+        samples=lambda value: 256,
+        measure="bounces",
+        wrong="A ray between mirrors starts off its mirror by rounding, or by the epsilon that was to "
+        "help: one in some thousand rays meets the same mirror twice or slips behind it.",
         instead="The hit is put onto the mirror's plane, and the mirror that the ray leaves is left out.",
     ),
     Case(
-        "narrow-spot", "Narrow spot", "cutoff angle, degrees", (20.0, *decades(0, -10)), 1e-6, 1e-2, _spot_at, _spot,
-        wrong="Whether a direction is within the cone is decided by its cosine, which near the axis is 1 − θ²/2: below "
-        "0.03° single floats do not tell cutoff and beam apart.",
+        "narrow-spot",
+        "Narrow spot",
+        "cutoff angle, degrees",
+        (20.0, *decades(0, -10)),
+        1e-6,
+        1e-2,
+        _spot_at,
+        _spot,
+        wrong="Whether a direction is within the cone is decided by its cosine, which near the axis is 1 "
+        "− θ²/2: below 0.03° single floats do not tell cutoff and beam apart.",
         instead="θ = atan2(|a × d|, a · d), and the falloff is linear in θ.",
     ),
     Case(
-        "mesh-seams", "Rays aimed at vertices and edges", "field of view, degrees", decades(0, -14), 1e-14, 0.0, _seams,
-        lambda p: Truth(mpf(0), mpf(1)), samples=lambda value: 1 << 12, most_mitsuba=1 << 12,
-        wrong="A ray at the edge of two triangles may be outside both by rounding: 12 % of rays aimed at edges, 24 % "
-        "at vertices go through.",
-        instead="Edge functions of the triangle sheared along the ray (Woop et al. 2013): both sides of an edge "
-        "compute the same rounded number, and 0 counts as inside.",
+        "mesh-seams",
+        "Rays aimed at vertices and edges",
+        "field of view, degrees",
+        decades(0, -14),
+        1e-14,
+        0.0,
+        _seams,
+        lambda p: Truth(mpf(0), mpf(1)),
+        samples=lambda value: 1 << 12,
+        most_mitsuba=1 << 12,
+        wrong="A ray at the edge of two triangles may be outside both by rounding: 12 % of rays aimed at "
+        "edges, 24 % at vertices go through.",
+        instead="Edge functions of the triangle sheared along the ray (Woop et al. 2013): both sides of an "
+        "edge compute the same rounded number, and 0 counts as inside.",
     ),
     Case(
-        "slivers", "Slivers", "width", decades(-1, -14), 1e-12, 0.0, _sliver, lambda p: Truth(mpf(0), mpf(1)),
-        samples=lambda value: 1 << 16, most_mitsuba=1 << 16,
+        "slivers",
+        "Slivers",
+        "width",
+        decades(-1, -14),
+        1e-12,
+        0.0,
+        _sliver,
+        lambda p: Truth(mpf(0), mpf(1)),
+        samples=lambda value: 1 << 16,
+        most_mitsuba=1 << 16,
         wrong="As above; in strips of width 1e-6, 2.4 % of all rays.",
-        instead="As above. A sliver's normal is the cross product of edges scaled to 1, so that nothing underflows.",
+        instead="As above. A sliver's normal is the cross product of edges scaled to 1, so that nothing "
+        "underflows.",
     ),
     Case(
-        "dim-one-seen", "A thousand lights, the dimmest alone is seen", "brightest over dimmest", decades(0, 24, 3), 1e24, 45.0,
-        _dimming(0.5), _decades, scene="decades", samples=lambda value: 1 << 20, measure="spread", most_mitsuba=1 << 18,
+        "dim-one-seen",
+        "A thousand lights, the dimmest alone is seen",
+        "brightest over dimmest",
+        decades(0, 24, 3),
+        1e24,
+        45.0,
+        _dimming(0.5),
+        _decades,
+        scene="decades",
+        samples=lambda value: 1 << 20,
+        measure="spread",
+        most_mitsuba=1 << 18,
         quick=(1.0, 1e24),
-        wrong="Choosing lights by their power takes the dimmest with a probability of 1e-24: the picture is black, "
-        "without bias and without use.",
-        instead="Half of the choices of `contribution` are uniform over the lights that can contribute, so that no "
-        "light is drawn less than half as often as by chance: the relative standard deviation of a sample stays "
-        "below √(2N − 1) = 44.7.",
+        wrong="Choosing lights by their power takes the dimmest with a probability of 1e-24: the picture "
+        "is black, without bias and without use.",
+        instead="Half of the choices of `contribution` are uniform over the lights that can contribute, so "
+        "that no light is drawn less than half as often as by chance: the relative standard "
+        "deviation of a sample stays below √(2N − 1) = 44.7.",
     ),
     Case(
-        "all-seen", "A thousand lights over decades, all seen", "brightest over dimmest", decades(0, 24, 3), 1e24, 1.0,
-        _dimming(-1.0), _decades, scene="decades", measure="spread", most_mitsuba=1 << 18, quick=(1.0, 1e24),
-        wrong="A uniform choice mostly takes lights that are too dim to matter: the relative standard deviation is "
-        "that of the lights' powers.",
+        "all-seen",
+        "A thousand lights over decades, all seen",
+        "brightest over dimmest",
+        decades(0, 24, 3),
+        1e24,
+        1.0,
+        _dimming(-1.0),
+        _decades,
+        scene="decades",
+        measure="spread",
+        most_mitsuba=1 << 18,
+        quick=(1.0, 1e24),
+        wrong="A uniform choice mostly takes lights that are too dim to matter: the relative standard "
+        "deviation is that of the lights' powers.",
         instead="The choice goes by power, distance and cosines.",
     ),
     Case(
-        "setting-sphere", "Sphere light, nearly set", "cosθ + r/d", decades(-1, -14), 1e-6, 10.0, _setting_at, _setting,
-        measure="spread", samples=lambda value: 1 << 18, most_mitsuba=1 << 18,
-        wrong="Of the cone that the sphere fills only a sliver is above the horizon, and nearly all samples are below.",
-        instead="Where its middle is below the horizon, the light is sampled in the smallest block of elevation and "
-        "azimuth that holds what is above: two thirds of it or more are the light.",
+        "setting-sphere",
+        "Sphere light, nearly set",
+        "cosθ + r/d",
+        decades(-1, -14),
+        1e-6,
+        10.0,
+        _setting_at,
+        _setting,
+        measure="spread",
+        samples=lambda value: 1 << 18,
+        most_mitsuba=1 << 18,
+        wrong="Of the cone that the sphere fills only a sliver is above the horizon, and nearly all "
+        "samples are below.",
+        instead="Where its middle is below the horizon, the light is sampled in the smallest block of "
+        "elevation and azimuth that holds what is above: two thirds of it or more are the light.",
     ),
-)  # fmt: skip
+)
 
 
 def named(name: str) -> Case | None:

@@ -2,8 +2,8 @@
 
     python -m raycheck.stability_mitsuba < jobs
 
-A job {"scene": …, "settings": {…}, "spp": …, "seed": …} is answered by {"pixels": [[…]]}, channel green, or by
-{"error": …} where Mitsuba refuses the scene.
+A job {"scene": …, "settings": {…}, "spp": …, "seed": …} is answered by {"pixels": [[…]]}, channel green, or
+by {"error": …} where Mitsuba refuses the scene.
 """
 
 import json

@@ -36,7 +36,9 @@ def section(path: Path) -> dict:
     return {
         "columns": stability.COLUMNS,
         "rows": [stability.row(result) for result in results],
-        "cases": [Section(case.title, case.wrong, case.instead, plots(result, case)) for result, case in shown],
+        "cases": [
+            Section(case.title, case.wrong, case.instead, plots(result, case)) for result, case in shown
+        ],
         "marks": [Markup(curves.key(0, plain=True)), *(Markup(curves.key(index)) for index in (1, 2))],
         "machine": header["machine"],
         "command": header["command"],
