@@ -146,8 +146,8 @@ def test_a_picture_beyond_its_floats_is_refused(oneray: Path, tmp_path: Path) ->
 
 
 def test_an_overflow_is_located(oneray: Path, tmp_path: Path) -> None:
-    """Scene, pixel, sample and vertex: a light too close to the floor, as the second vertex of every path; and,
-    by way of a mirror, as the third.
+    """Scene, pixel, sample and vertex: a light too close to the floor, as the second vertex of every path;
+    and, by way of a mirror, as the third.
     """
     line = refused(oneray, tmp_path, world(FLOOR + point(1e300, 1e-10), fov=1e-9), "--spp", 4)
     assert "scene.xml: pixel (0, 0), sample 0, vertex 2: radiance overflows double precision" in line

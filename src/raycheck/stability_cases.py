@@ -670,6 +670,7 @@ CASES: tuple[Case, ...] = (
         lambda p: Truth(mpf(0), mpf(1)),
         samples=lambda value: 1 << 12,
         most_mitsuba=1 << 12,
+        quick=(1e-2, 1e-14),
         wrong="A ray at the edge of two triangles may be outside both by rounding: 12 % of rays aimed at "
         "edges, 24 % at vertices go through.",
         instead="Edge functions of the triangle sheared along the ray (Woop et al. 2013): both sides of an "
@@ -700,7 +701,7 @@ CASES: tuple[Case, ...] = (
         _dimming(0.5),
         _decades,
         scene="decades",
-        samples=lambda value: 1 << 20,
+        samples=lambda value: 1 << 19,
         measure="spread",
         most_mitsuba=1 << 18,
         quick=(1.0, 1e24),
