@@ -33,6 +33,8 @@ typedef uint32_t Word;
 #define VECTOR_SQRT(prefix) prefix##_sqrt_ps
 #define VECTOR_BITS(prefix) prefix##_movemask_ps
 #define VECTOR_BLEND(prefix) prefix##_blendv_ps
+#define VECTOR_MIN(prefix) prefix##_min_ps
+#define VECTOR_MAX(prefix) prefix##_max_ps
 #define MASK_BITS_512 _mm512_movepi32_mask
 #else
 typedef double Num;
@@ -44,6 +46,8 @@ typedef uint64_t Word;
 #define VECTOR_SQRT(prefix) prefix##_sqrt_pd
 #define VECTOR_BITS(prefix) prefix##_movemask_pd
 #define VECTOR_BLEND(prefix) prefix##_blendv_pd
+#define VECTOR_MIN(prefix) prefix##_min_pd
+#define VECTOR_MAX(prefix) prefix##_max_pd
 #define MASK_BITS_512 _mm512_movepi64_mask
 #endif
 #define VECTOR_BYTES (LANES * NUM_BYTES)
@@ -198,8 +202,23 @@ INLINE int lowest_lane(unsigned bits) { return __builtin_ctz(bits); }
 INLINE Mask and_not(Mask a, Mask b) { return a & mask_not(b); }              /* a and not b */
 INLINE Real only(Mask m, Real a) { return select(m, a, real(0)); }           /* a, or 0 where not m */
 
-INLINE Real real_min(Real a, Real b) { return select(a < b, a, b); }
-INLINE Real real_max(Real a, Real b) { return select(a > b, a, b); }
+/* b where either is nan. */
+INLINE Real real_min(Real a, Real b)
+{
+#if LANES > 1 && VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)VECTOR_MIN(_mm256)(a, b);
+#else
+    return select(a < b, a, b);
+#endif
+}
+INLINE Real real_max(Real a, Real b)
+{
+#if LANES > 1 && VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)VECTOR_MAX(_mm256)(a, b);
+#else
+    return select(a > b, a, b);
+#endif
+}
 INLINE Real real_abs(Real a) { return bits_real(real_bits(a) & ~bits_of(SIGN_BIT)); }
 
 /* a with its sign flipped where b is negative (or -0). */

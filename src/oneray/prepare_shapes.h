@@ -116,16 +116,14 @@ static void see_side(Sides *sides, const double normal[3], double offset, const 
 }
 
 /* Is everything that a ray to a light can start or end at on one side of the flat shape's plane? */
-static bool at_the_edge(const Description *d, const Shape *flat)
+static bool at_the_edge(const Description *d, const Shape *flat, double (*bounds)[2][3])
 {
     Sides sides = {false, false};
-    double normal[3], offset, low[3], high[3];
+    double normal[3], offset, eye[3];
     plane_of(flat, 2, 0, normal, &offset);
     for (int i = 0; i < d->shape_count; i++)
-        if (&d->shapes[i] != flat) {
-            bounds_of_shape(d, &d->shapes[i], low, high);
-            see_side(&sides, normal, offset, low, high);
-        }
+        if (&d->shapes[i] != flat)
+            see_side(&sides, normal, offset, bounds[i][0], bounds[i][1]);
     for (int i = 0; i < d->light_count; i++) {
         const Light *light = &d->lights[i];
         if (light->kind == LIGHT_DIRECTIONAL || light->kind == LIGHT_CONSTANT)
@@ -133,8 +131,8 @@ static bool at_the_edge(const Description *d, const Shape *flat)
         if (light->kind != LIGHT_AREA)
             see_side(&sides, normal, offset, light->position, light->position);
     }
-    column(&d->sensor.to_world, 3, low);
-    see_side(&sides, normal, offset, low, low);
+    column(&d->sensor.to_world, 3, eye);
+    see_side(&sides, normal, offset, eye, eye);
     return !(sides.below && sides.above);
 }
 
@@ -186,12 +184,16 @@ static void place_shapes(Scene *scene, const Description *d, int *first_slot)
     Fillings f = {{{0, 0}, {0, 0}, {0, 0}}, {0, s->rectangle_count}, {0, s->disk_count}, 0};
     for (int axis = 0; axis < 3; axis++)
         f.aligned[axis] = (Filling){s->aligned_slot[axis], s->aligned_slot[axis + 1]};
+    double(*bounds)[2][3] = allocate((size_t)d->shape_count, sizeof *bounds);
+    for (int i = 0; i < d->shape_count; i++)
+        bounds_of_shape(d, &d->shapes[i], bounds[i][0], bounds[i][1]);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         bool flat = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_DISK;
-        first_slot[i] =
-            place_shape(s, shape, !flat || (scene->features & HAS_TREE) || !at_the_edge(d, shape), &f);
+        bool edge = flat && !(scene->features & HAS_TREE) && at_the_edge(d, shape, bounds);
+        first_slot[i] = place_shape(s, shape, !edge, &f);
     }
+    free(bounds);
     for (int axis = 0; axis < 3; axis++)
         s->aligned_blocking[axis] = f.aligned[axis].front;
     s->rectangle_blocking = f.rectangles.front;
