@@ -68,10 +68,9 @@ def test_auto_takes_double_for_what_is_stiff(oneray: Path, case: Case) -> None:
     """
     limit = ORDINARY.get(case.name, 1e-3)
     sign = 1 if case.values[-1] > case.values[0] else -1
-    beyond = [x for x in case.values if sign * x > sign * limit]
-    assert {
-        precision(oneray, case, x) for x in (beyond[0], 1e-4 if case.name == "white-furnace" else case.goal)
-    } == {"double"}
+    first = next(x for x in case.values if sign * x > sign * limit)
+    last = 1e-4 if case.name == "white-furnace" else case.goal
+    assert {precision(oneray, case, x) for x in (first, last)} == {"double"}
 
 
 def test_a_plain_scene_of_the_same_kind_is_single(oneray: Path) -> None:
