@@ -304,7 +304,7 @@ INLINE Mask ball_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
 {
     Mask on = ray->from == index_of(slot), aim = target == index_of(slot);
     Mask blocked = stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, aim);
-    return shapes->offset[slot] < 0 ? blocked : and_not(blocked, aim);
+    return shapes->anchor[slot][3] < 0 ? blocked : and_not(blocked, aim);
 }
 
 /* Is any in the way, one after the other? */
