@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from batches import diffuse, floor, glow, sky, square, world
+from building import ROOT
 
 from raycheck.images import Image, load_image
 
@@ -159,3 +160,38 @@ def test_an_overflow_is_located(oneray: Path, tmp_path: Path) -> None:
     )
     line = refused(oneray, tmp_path, text, "--spp", 4)
     assert "scene.xml: pixel (0, 0), sample 0, vertex 3: radiance overflows double precision" in line
+
+
+# ---- Trees and meshes: every length times a power of two changes no bit.
+
+
+@pytest.mark.parametrize("mesh", [False, True], ids=["many shapes", "mesh"])
+@pytest.mark.parametrize("power", [-330, -100, -40, 40, 150, 330])
+def test_another_size_is_the_same_picture(oneray: Path, tmp_path: Path, mesh: bool, power: int) -> None:
+    text = sized(1.0, mesh)
+    one = rendered(oneray, tmp_path, text, "--spp", 4, "--precision", "double")
+    other = rendered(oneray, tmp_path, sized(2.0**power, mesh), "--spp", 4, "--precision", "double")
+    assert one.pixels.mean() > 0.1
+    assert (one.pixels == other.pixels).all()
+
+
+def sized(k: float, mesh: bool) -> str:
+    """A floor, a lamp, and forty balls or one of triangles, k times as large."""
+
+    def placed(kind: str, steps: str, more: str) -> str:
+        steps = f'<transform name="to_world">{steps}<scale value="{k!r}"/></transform>'
+        return f'<shape type="{kind}">{steps}{more}</shape>'
+
+    file = f'<string name="filename" value="{ROOT / "scenes/meshes/coarse-ball.ply"}"/>'
+    small = '<scale value="0.05"/><translate x="{}" y="0.3" z="0.06"/>'
+    things = [placed("sphere", small.format(i / 10 - 2), diffuse(0.5)) for i in range(0 if mesh else 40)]
+    if mesh:
+        things = [placed("ply", '<scale value="0.2"/><translate y="0.1" z="0.3"/>', file + diffuse(0.5))]
+    ground = placed("rectangle", '<scale x="100" y="100" z="1"/>', diffuse(0.5))
+    lamp = placed(
+        "rectangle", '<scale x="0.5" y="0.5" z="1"/><rotate x="1" angle="180"/><translate z="1"/>', glow(3)
+    )
+    eye = f"0, {-2 * k!r}, {0.9 * k!r}"
+    text = world("".join([*things, ground, lamp]), eye=eye, fov=60, size=16, depth=4)
+    clip = f'<float name="near_clip" value="{1e-3 * k!r}"/><float name="far_clip" value="{1e3 * k!r}"/>'
+    return text.replace('<float name="fov"', clip + '<float name="fov"')
