@@ -345,7 +345,7 @@ def value(x: float) -> str:
 def error_text(point: Point) -> str:
     """What is wrong there."""
     if point.reason:
-        return "refused" if "exit status" in point.reason else point.reason
+        return point.reason if point.reason in ("black", "not finite") else "no picture"
     if point.found == 0 and point.expected != 0:
         return "black"
     size = abs(point.error or 0.0)
