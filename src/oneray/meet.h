@@ -210,7 +210,7 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
         Index i = slot - shapes->triangles.first_slot;
         Mask flat = i >= 0;
         Vec normal, plane;
-        triangle_surface(&shapes->triangles, index_select(flat, i, index_of(0)), (f & HAS_SMOOTH) != 0, &met,
+        triangle_surface(&shapes->triangles, index_select(flat, i, index_of(0)), (f & HAS_SMOOTH) && shapes->triangles.normal, &met,
             &normal, &plane);
         *p = vec_select(flat, met, *p);
         *n = vec_select(flat, normal, *n);
