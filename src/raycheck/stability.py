@@ -149,7 +149,7 @@ class Mitsuba:
         finally:
             timer.cancel()
         if "error" in answer:
-            raise RenderError(answer["error"])
+            raise RenderError(answer["error"].replace(f"{case.path.parent}/", ""))
         return np.array(answer["pixels"], dtype=np.float64)
 
     def close(self) -> None:
