@@ -82,16 +82,19 @@ void *allocate(size_t count, size_t size)
 {
     void *block = calloc(count ? count : 1, size);
     if (!block)
-        die("out of memory (%zu bytes asked for)", count * size);
+        die("out of memory (%zu x %zu bytes asked for)", count, size);
     return block;
 }
 
 void *reallocate(void *block, size_t count, size_t size)
 {
-    if (size && count > SIZE_MAX / size)
-        die("out of memory");
-    block = realloc(block, count * size);
+    block = size && count > SIZE_MAX / size ? NULL : realloc(block, count * size);
     if (!block)
-        die("out of memory (%zu bytes asked for)", count * size);
+        die("out of memory (%zu x %zu bytes asked for)", count, size);
     return block;
+}
+
+void *room_for(void *rows, int count, size_t size)
+{
+    return (count & (count - 1)) == 0 ? reallocate(rows, 2 * (size_t)count + 1, size) : rows;
 }

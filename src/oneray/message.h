@@ -25,4 +25,7 @@ void unfinished_file(const char *temporary_name);
 void *allocate(size_t count, size_t size);
 void *reallocate(void *block, size_t count, size_t size);
 
+/* Rows with room for one more behind the first `count`; the room doubles. */
+void *room_for(void *rows, int count, size_t size);
+
 #endif

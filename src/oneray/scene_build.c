@@ -50,14 +50,8 @@ static Node *only_child(const Node *node, const char *tag)
     return found;
 }
 
-/* Appends to one of the description's arrays, whose room doubles: a power of two elements fill it. */
-static void *append_to(void *array, int *count, size_t size)
-{
-    if ((*count & (*count - 1)) == 0)
-        array = reallocate(array, 2 * (size_t)*count + 1, size);
-    ++*count;
-    return array;
-}
+/* Appends to one of the description's arrays. */
+static void *append_to(void *array, int *count, size_t size) { return room_for(array, (*count)++, size); }
 
 /* Materials. A bsdf that several shapes refer to becomes one material. */
 
