@@ -10,6 +10,7 @@
 #define NORETURN
 #endif
 
+#include <stdbool.h>
 #include <stddef.h>
 
 /* Say "oneray: …", "FILE:LINE: …" and "oneray: warning: …". */
@@ -20,6 +21,12 @@ void warn(const char *format, ...) PRINTF_LIKE(1, 2);
 /* A file that is being written under a temporary name: removed by die(), and by a signal. NULL when there is
    none. */
 void unfinished_file(const char *temporary_name);
+
+/* From now on the first SIGINT only makes interrupted() true; the second ends the program, as it does where
+   SIGINT is ignored. die_interrupted() ends it as SIGINT would have. */
+void heed_interrupt(void);
+bool interrupted(void);
+NORETURN void die_interrupted(void);
 
 /* malloc and realloc that never return NULL: out of memory is an error like any other. */
 void *allocate(size_t count, size_t size);

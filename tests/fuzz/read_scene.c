@@ -7,7 +7,8 @@ static void read_scene(const uint8_t *bytes, size_t size)
     char reason[128];
     (void)bytes, (void)size; /* as the file scene.xml */
     Parameter parameters[] = {{"depth", "3", false}};
-    Description *description = description_read("scene.xml", parameters, size % 4 == 0);
+    const uint64_t image[2] = {size % 3 * 7, 0};
+    Description *description = description_read("scene.xml", parameters, size % 4 == 0, image);
     precision_for(description, reason, (int)sizeof reason);
     description_free(description);
 }
