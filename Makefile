@@ -50,7 +50,7 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all install demo test references thorough techniques benchmark fuzz fuzzers clean FORCE
+.PHONY: all install wheel demo test references thorough techniques benchmark fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -81,6 +81,9 @@ $(BUILD):
 PREFIX ?= /usr/local
 install: $(BUILD)/oneray
 	install -D $< $(DESTDIR)$(PREFIX)/bin/oneray
+
+wheel: $(BUILD)/oneray $(PYTHON)
+	$(PYTHON) -m pip wheel --quiet --no-deps -w dist -Ccmake.define.ONERAY=$(abspath $<) .
 
 # ---- libFuzzer targets of the readers, under AddressSanitizer and UndefinedBehaviorSanitizer.
 FUZZ_SECONDS ?= 3600

@@ -75,7 +75,18 @@ def test_no_more_is_lost_than_the_interval(oneray: Path, tmp_path: Path) -> None
     """A checkpoint is at most as old as the interval says, and holds nearly all samples so far."""
     film = tmp_path / "box.film"
     process = subprocess.Popen(
-        [oneray, BOX, "--spp", "10000000", "--checkpoint", film, "--checkpoint-seconds", "0.4", "--stats", "-"]
+        [
+            oneray,
+            BOX,
+            "--spp",
+            "10000000",
+            "--checkpoint",
+            film,
+            "--checkpoint-seconds",
+            "0.4",
+            "--stats",
+            "-",
+        ]
     )
     for _ in range(4):
         time.sleep(0.4)
@@ -85,11 +96,20 @@ def test_no_more_is_lost_than_the_interval(oneray: Path, tmp_path: Path) -> None
 
 
 def test_a_checkpoint_of_something_else(oneray: Path, tmp_path: Path) -> None:
-    """Other scene, seed, technique, size or crop, or more samples than are wanted: refused, and left as it is."""
-    film, kept = tmp_path / "a.film", ["--checkpoint", tmp_path / "a.film", "--resume", "-o", tmp_path / "a.exr"]
+    """Other scene, seed, technique, size or crop, or more samples than are wanted: refused, and kept."""
+    film, kept = (
+        tmp_path / "a.film",
+        ["--checkpoint", tmp_path / "a.film", "--resume", "-o", tmp_path / "a.exr"],
+    )
     assert run(oneray, BOX, "--spp", 8, *kept).returncode == 0  # there is none yet: from the start
     before = film.read_bytes()
-    for other in (["--seed", 1], ["-Ddepth=2"], ["--width", 32], ["--crop", "0,0,64,63"], ["--estimator", "nee"]):
+    for other in (
+        ["--seed", 1],
+        ["-Ddepth=2"],
+        ["--width", 32],
+        ["--crop", "0,0,64,63"],
+        ["--estimator", "nee"],
+    ):
         assert "is a film of something else" in refusal(oneray, BOX, "--spp", 8, *other, *kept)
     assert "samples 0 to 7" in refusal(oneray, BOX, "--spp", 4, *kept)
     (tmp_path / "a.film").write_bytes(before[:-1])
@@ -127,11 +147,15 @@ def test_error_budget_resumed(oneray: Path, tmp_path: Path) -> None:
 def test_budgets_that_cannot_be_met(oneray: Path, tmp_path: Path) -> None:
     """A black image has no relative error, Sobol' points no standard errors; the time is kept to."""
     dark = tmp_path / "dark.xml"
-    dark.write_text(BOX.read_text().replace("<emitter", "<!-- <emitter").replace("</emitter>", "</emitter> -->"))
+    dark.write_text(
+        BOX.read_text().replace("<emitter", "<!-- <emitter").replace("</emitter>", "</emitter> -->")
+    )
     done = run(oneray, dark, "--error", "0.01", "--stats", "-", "--width", "8")
     assert "the image is black after 1024 samples per pixel" in done.stderr
     assert json.loads(done.stdout)["spp"] == 1024
-    assert "not with --sampler sobol" in refusal(oneray, BOX, "--error", 0.1, "--sampler", "sobol", "--stats", "-")
+    assert "not with --sampler sobol" in refusal(
+        oneray, BOX, "--error", 0.1, "--sampler", "sobol", "--stats", "-"
+    )
     stats = figures(oneray, "--error", 1e-6, "--time", 0.3)
     assert stats["ended_by"] == "time"
     assert stats["seconds"]["render"] < 0.5
@@ -183,7 +207,10 @@ def test_another_size(oneray: Path, tmp_path: Path) -> None:
     assert '<integer name="width" value="64"/>' in text
     scene.write_text(text.replace('"width" value="64"', '"width" value="50"'))
     assert run(oneray, scene, "-o", tmp_path / "a.pfm", "--spp", "4").returncode == 0
-    assert run(oneray, BOX, "-o", tmp_path / "b.pfm", "--spp", "4", "--width", "50", "--height", "64").returncode == 0
+    assert (
+        run(oneray, BOX, "-o", tmp_path / "b.pfm", "--spp", "4", "--width", "50", "--height", "64").returncode
+        == 0
+    )
     assert (tmp_path / "a.pfm").read_bytes() == (tmp_path / "b.pfm").read_bytes()
     assert figures(oneray, "--spp", 1, "--width", 96)["height"] == 96
     assert "more than 2^28" in refusal(oneray, BOX, "--width", 60000, "-o", tmp_path / "c.exr")
@@ -191,9 +218,13 @@ def test_another_size(oneray: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["picture", "film"])
 def test_interrupt_writes_what_there_is(oneray: Path, tmp_path: Path, kind: str) -> None:
-    """SIGINT ends the render, not its result: a picture or film of the samples so far, and a line that says so."""
+    """SIGINT ends the render, not its result: the samples so far are written, and a line says so."""
     output = tmp_path / ("a.exr" if kind == "picture" else "a.film")
-    wanted = ["--spp", "1000000", "-o", output] if kind == "picture" else ["--samples", "0:1000000", "--film", output]
+    wanted = (
+        ["--spp", "1000000", "-o", output]
+        if kind == "picture"
+        else ["--samples", "0:1000000", "--film", output]
+    )
     process = subprocess.Popen(
         [oneray, BOX, *wanted], preexec_fn=heed_interrupts, stderr=subprocess.PIPE, text=True
     )
@@ -226,7 +257,9 @@ def test_memory(oneray: Path, tmp_path: Path) -> None:
     """At most 48 bytes per pixel for each of six layers of the film, or for one and a picture of 24."""
     side = 400
     little = figures(oneray, "--width", 1, "--spp", 1)["peak_memory_bytes"]
-    most = figures(oneray, "--width", side, "--spp", 12, "-Ddepth=2", "-o", tmp_path / "a.exr")["peak_memory_bytes"]
+    most = figures(oneray, "--width", side, "--spp", 12, "-Ddepth=2", "-o", tmp_path / "a.exr")[
+        "peak_memory_bytes"
+    ]
     assert most - little < side * side * (3 * 48 + 24) + (4 << 20)
 
 
