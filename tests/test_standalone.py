@@ -254,7 +254,7 @@ def test_out_of_memory_is_an_error(oneray: Path, tmp_path: Path) -> None:
 
 
 def test_memory(oneray: Path, tmp_path: Path) -> None:
-    """At most 48 bytes per pixel for each of six layers of the film, or for one and a picture of 24."""
+    """48 bytes per pixel for a layer, one more and the block being rendered; 24 for the picture."""
     side = 400
     little = figures(oneray, "--width", 1, "--spp", 1)["peak_memory_bytes"]
     most = figures(oneray, "--width", side, "--spp", 12, "-Ddepth=2", "-o", tmp_path / "a.exr")[
