@@ -141,6 +141,42 @@ def test_each_piece_once(tmp_path: Path) -> None:
     assert attempts == [pools.ATTEMPTS if i % 3 == 0 else 1 for i in range(30)]
 
 
+def test_interrupt_ends_the_renders(oneray: Path, tmp_path: Path) -> None:
+    """Ctrl-C in the middle: no wait for renders that take hours, no process left."""
+    command = [
+        sys.executable,
+        "-m",
+        "raycheck",
+        "render",
+        BOX,
+        "-o",
+        "a.exr",
+        "--spp",
+        "100000000",
+        "--jobs",
+        "2",
+    ]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and len(renders := threads_children(process.pid)) < 2:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    assert "interrupted" in process.communicate(timeout=20)[1]
+    assert process.returncode == 130
+    assert not any(Path(f"/proc/{child}").exists() for child in renders)
+    assert list(tmp_path.iterdir()) == []
+
+
+def threads_children(pid: int) -> list[str]:
+    """The processes that any thread of the process has started."""
+    tasks = Path(f"/proc/{pid}/task").glob("*/children")
+    return [child for task in tasks for child in task.read_text().split()]
+
+
 def test_other_bytes_for_the_same_shard(tmp_path: Path) -> None:
     """A shard is written once: the same again is nothing new, another is an error with both names."""
     store, shard = shards.Store(tmp_path), shards.Shard(0, 4, "key")

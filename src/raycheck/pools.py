@@ -6,8 +6,10 @@ other error ends the whole run.
 """
 
 import os
+import signal
+import subprocess
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -29,6 +31,28 @@ Work = Callable[..., bytes]
 Pieces = Sequence[tuple[Any, ...]]
 
 
+_running: set[subprocess.Popen[bytes]] = set()
+"""The processes of this one, to be ended with it."""
+
+
+def run_process(words: Sequence[str], hide: str = "") -> None:
+    """Run a program. Lost if a signal ends it; RenderError with its last line, without `hide`, if it fails."""
+    process = subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        start_new_session=os.name == "posix",
+    )  # fmt: skip
+    _running.add(process)
+    try:
+        said = process.communicate()[1].decode(errors="replace").strip()
+    finally:
+        _running.discard(process)
+    if process.returncode < 0:
+        raise Lost(f"{words[0]} was ended by {signal.Signals(-process.returncode).name}")
+    if process.returncode:
+        last = said.splitlines()[-1] if said else f"exit status {process.returncode}"
+        raise RenderError(last.replace(hide, "") if hide else last)
+
+
 class Pool(Protocol):
     def run(self, work: Work, pieces: Pieces) -> Iterator[tuple[int, bytes]]:
         """work(*piece) for each piece, exactly once each: index and result, in whatever order they come."""
@@ -42,23 +66,34 @@ class Here:
     jobs: int
 
     def run(self, work: Work, pieces: Pieces) -> Iterator[tuple[int, bytes]]:
+        running: dict[Future[bytes], int] = {}
+        with ThreadPoolExecutor(self.jobs) as threads:
+            try:
+                yield from self._run(threads, running, work, pieces)
+            except BaseException:  # also Ctrl-C: the threads' processes end, those that start just now too
+                while wait(running, timeout=0.05).not_done:
+                    for process in list(_running):
+                        process.kill()
+                raise
+
+    def _run(
+        self, threads: Executor, running: dict[Future[bytes], int], work: Work, pieces: Pieces
+    ) -> Iterator[tuple[int, bytes]]:
         left = list(enumerate(pieces))[::-1]
         attempts = [0] * len(pieces)
-        running: dict[Any, int] = {}
-        with ThreadPoolExecutor(self.jobs) as threads:
-            while left or running:
-                while left and len(running) < self.jobs:
-                    index, piece = left.pop()
-                    attempts[index] += 1
-                    running[threads.submit(work, *piece)] = index
-                for done in wait(running, return_when=FIRST_COMPLETED).done:
-                    index = running.pop(done)
-                    try:
-                        yield index, done.result()
-                    except Lost:
-                        if attempts[index] == ATTEMPTS:
-                            raise
-                        left.append((index, pieces[index]))
+        while left or running:
+            while left and len(running) < self.jobs:
+                index, piece = left.pop()
+                attempts[index] += 1
+                running[threads.submit(work, *piece)] = index
+            for done in wait(running, return_when=FIRST_COMPLETED).done:
+                index = running.pop(done)
+                try:
+                    yield index, done.result()
+                except Lost:
+                    if attempts[index] == ATTEMPTS:
+                        raise
+                    left.append((index, pieces[index]))
 
 
 @dataclass(frozen=True)

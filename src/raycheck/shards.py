@@ -9,8 +9,6 @@ import hashlib
 import json
 import os
 import platform
-import signal
-import subprocess
 import tempfile
 import uuid
 import xml.etree.ElementTree as ElementTree
@@ -18,17 +16,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck import references, renderers
-from raycheck.pools import Lost, Pool
+from raycheck import pools, references, renderers
+from raycheck.pools import Pool
 from raycheck.renderers import NotFound, RenderError
 
 SHARDS = 32
 """A render has so many shards, or up to twice as many: each of a power of two samples, however many jobs
 there are, so that shards are found again by another number of jobs.
 """
-
-_running: set[subprocess.Popen[bytes]] = set()
-"""Renders of this process, to be ended with it."""
 
 
 class Conflict(RenderError):
@@ -123,27 +118,8 @@ def render_shard(
             film,
             "--quiet",
         ]
-        _run([str(word) for word in words], folder)
+        pools.run_process([str(word) for word in words], hide=folder + os.sep)
         return film.read_bytes()
-
-
-def _run(words: Sequence[str], folder: str = "") -> None:
-    process = subprocess.Popen(
-        words,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
-    _running.add(process)
-    try:
-        said = process.communicate()[1].decode(errors="replace").replace(folder + os.sep, "").strip()
-    finally:
-        _running.discard(process)
-    if process.returncode < 0:
-        raise Lost(f"oneray was ended by {signal.Signals(-process.returncode).name}")
-    if process.returncode:
-        raise RenderError(said.splitlines()[-1] if said else f"oneray: exit status {process.returncode}")
 
 
 @dataclass(frozen=True)
@@ -191,14 +167,11 @@ def render(
     pieces = [
         (files, work.scene.name, work.arguments(), shard.first, shard.count, program) for shard in missing
     ]
-    try:
-        for done, (index, film) in enumerate(pool.run(render_shard, pieces), 1 + len(shards) - len(missing)):
-            store.put(missing[index], film)
-            if on_shard:
-                on_shard(done, len(shards))
-    finally:
-        for process in list(_running):
-            process.kill()
+    for done, (index, film) in enumerate(pool.run(render_shard, pieces), 1 + len(shards) - len(missing)):
+        store.put(missing[index], film)
+        if on_shard:
+            on_shard(done, len(shards))
     words = [oneray, "merge", *map(store.path, shards), "-o", output]
-    _run([str(word) for word in (*words, *(("--exposure", exposure) if exposure else ()))])
+    words += ["--exposure", exposure] if exposure else []
+    pools.run_process([str(word) for word in words])
     return len(missing)
