@@ -1,4 +1,4 @@
-"""A few seconds of what `make fuzz` does for hours: broken scenes, PLY and OBJ files, under the sanitizers."""
+"""A few seconds of what `make fuzz` does for hours: broken scenes, PLY and OBJ files under the sanitizers."""
 
 from __future__ import annotations
 

@@ -64,7 +64,8 @@ static void aim(exr_encode_pipeline_t *encoder, const Picture *picture, int firs
         while (strcmp(channel->channel_name, channel_names[which]))
             which++;
         const float *from = which < 3 ? picture->mean + which : picture->standard_error + which - 3;
-        channel->encode_from_ptr = (const uint8_t *)(from + (size_t)first_row * (size_t)picture->window.width * 3);
+        channel->encode_from_ptr =
+            (const uint8_t *)(from + (size_t)first_row * (size_t)picture->window.width * 3);
         channel->user_bytes_per_element = sizeof(float);
         channel->user_data_type = EXR_PIXEL_FLOAT;
         channel->user_pixel_stride = 3 * (int)sizeof(float);

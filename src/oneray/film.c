@@ -10,7 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static size_t pixel_count(const Film *film) { return (size_t)film->window.width * (size_t)film->window.height; }
+size_t film_pixels(const Film *film)
+{
+    return (size_t)film->window.width * (size_t)film->window.height;
+}
 static uint64_t layer_first(Layer layer) { return layer.index << layer.level; }
 static uint64_t layer_end(Layer layer) { return (layer.index + 1) << layer.level; }
 
@@ -80,7 +83,7 @@ void film_add(Film *film, Layer layer)
         Layer last = film->layers[film->layer_count - 1];
         if (last.level != layer.level || last.index + 1 != layer.index || last.index % 2)
             break;
-        for (size_t i = 0; i < pixel_count(film); i++)
+        for (size_t i = 0; i < film_pixels(film); i++)
             join_equal(
                 last.pixels + 6 * i, last.pixels + 6 * i, layer.pixels + 6 * i, ldexp(0.5, -layer.level));
         free(layer.pixels);
@@ -107,7 +110,7 @@ static void estimate_pixel(const Film *film, size_t pixel, double mean[3], doubl
 void film_estimate(const Film *film, float *mean, float *standard_error)
 {
     double n = (double)film_samples(film), estimate[3], deviation[3];
-    for (size_t i = 0; i < pixel_count(film); i++) {
+    for (size_t i = 0; i < film_pixels(film); i++) {
         estimate_pixel(film, i, estimate, deviation);
         for (size_t c = 0; c < 3; c++) {
             mean[3 * i + c] = (float)estimate[c];
@@ -120,14 +123,14 @@ void film_estimate(const Film *film, float *mean, float *standard_error)
 double film_relative_error(const Film *film)
 {
     double n = (double)film_samples(film), mean[3], deviation[3], sum = 0, squares = 0;
-    for (size_t i = 0; i < pixel_count(film); i++) {
+    for (size_t i = 0; i < film_pixels(film); i++) {
         estimate_pixel(film, i, mean, deviation);
         for (int c = 0; c < 3; c++) {
             sum += mean[c];
             squares += deviation[c];
         }
     }
-    double numbers = 3 * (double)pixel_count(film);
+    double numbers = 3 * (double)film_pixels(film);
     return n > 1 && sum > 0 ? sqrt(squares / numbers / (n - 1) / n) / (sum / numbers) : HUGE_VAL;
 }
 
@@ -140,7 +143,7 @@ void film_write(const Film *film, const char *file)
         w->image_height, w->x, w->y, w->width, w->height, film->layer_count);
     for (int k = 0; k < film->layer_count; k++) {
         fprintf(stream, "%d %llu\n", film->layers[k].level, (unsigned long long)film->layers[k].index);
-        fwrite(film->layers[k].pixels, 6 * sizeof(double), pixel_count(film), stream);
+        fwrite(film->layers[k].pixels, 6 * sizeof(double), film_pixels(film), stream);
     }
     output_close(stream, file, temporary);
 }
@@ -156,7 +159,7 @@ static int read_start(Film *film, const char *file, FILE *stream)
         || fgetc(stream) != '\n' || layers < 1 || layers > 128 || w->width < 1 || w->height < 1 || w->x < 0
         || w->y < 0 || w->image_width > 1 << 28 || w->image_height > 1 << 28
         || w->x > w->image_width - w->width || w->y > w->image_height - w->height
-        || pixel_count(film) > 1 << 28)
+        || film_pixels(film) > 1 << 28)
         die("%s: is not a film of this version of oneray (--film makes them)", file);
     return layers;
 }
@@ -177,10 +180,10 @@ Film film_read(const char *file)
         if (layer.level > 48 || index >= (uint64_t)1 << (62 - layer.level))
             die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
         layer.index = index;
-        layer.pixels = allocate(pixel_count(&film), 6 * sizeof(double));
-        if (fread(layer.pixels, 6 * sizeof(double), pixel_count(&film), stream) != pixel_count(&film))
+        layer.pixels = allocate(film_pixels(&film), 6 * sizeof(double));
+        if (fread(layer.pixels, 6 * sizeof(double), film_pixels(&film), stream) != film_pixels(&film))
             die("%s: the film ends early (layer %d of %d)", file, k + 1, layers);
-        for (size_t i = 0; i < 6 * pixel_count(&film); i++)
+        for (size_t i = 0; i < 6 * film_pixels(&film); i++)
             if (!(layer.pixels[i] >= 0 && layer.pixels[i] <= DBL_MAX))
                 die("%s: the film is damaged (layer %d of %d: no radiance)", file, k + 1, layers);
         film_add(&film, layer);

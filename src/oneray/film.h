@@ -42,6 +42,7 @@ int64_t film_reduce(const double *radiance, int level, double (*nodes)[6]);
 /* Adds the layer that follows the film's last one; takes over its pixels. */
 void film_add(Film *film, Layer layer);
 
+size_t film_pixels(const Film *film); /* of the window */
 uint64_t film_first(const Film *film);
 uint64_t film_samples(const Film *film);
 

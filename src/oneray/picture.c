@@ -62,9 +62,10 @@ static void write_png(const Picture *picture, double exposure, const char *file,
     free(bytes);
 }
 
-void picture_write(const Film *film, double render_seconds, const char *kernel, double exposure, const char *file)
+void picture_write(
+    const Film *film, double render_seconds, const char *kernel, double exposure, const char *file)
 {
-    size_t numbers = 3 * (size_t)film->window.width * (size_t)film->window.height;
+    size_t numbers = 3 * film_pixels(film);
     float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
     film_estimate(film, mean, error);
     Picture picture = {film->window, mean, film_has_error(film) ? error : NULL, film_samples(film),

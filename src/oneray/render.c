@@ -24,13 +24,11 @@ double seconds_now(void)
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-static size_t pixels_of(const Render *r) { return (size_t)r->film.window.width * (size_t)r->film.window.height; }
-
 /* Samples per pixel of this run. */
 static uint64_t done_here(const Render *r) { return film_samples(&r->film) - r->resumed; }
 
-/* How much of the render is done, `samples` more per pixel than the film has: by the budget that is nearest. The
-   error falls with the root of the samples. */
+/* How much of the render is done, `samples` more per pixel than the film has: by the budget that is nearest.
+   The error falls with the root of the samples. */
 static double fraction_done(const Render *r, double samples)
 {
     double all = (double)film_samples(&r->film) + samples, fraction = all / (double)r->wanted;
@@ -54,7 +52,7 @@ static void show_progress(Render *r, double samples, bool last)
     }
     double here = (double)done_here(r) + samples, before = (double)r->resumed / (double)r->wanted;
     fprintf(stderr, "\r%3.0f %%  %.3g samples/s", 100 * fraction,
-        here * (double)pixels_of(r) / (elapsed + 1e-9));
+        here * (double)film_pixels(&r->film) / (elapsed + 1e-9));
     if (p->error > 0 && p->error < HUGE_VAL)
         fprintf(stderr, "  error %.3g %%", 100 * p->error);
     if (fraction > before && !last)
@@ -74,7 +72,8 @@ static void check_endless(const Render *r)
         die("%s: pixel (%lld, %lld): a path did not end within 1000000 vertices: the scene is closed and "
             "absorbs "
             "nothing; give it a max_depth",
-            r->options->scene, (long long)(r->counters.endless % width), (long long)(r->counters.endless / width));
+            r->options->scene, (long long)(r->counters.endless % width),
+            (long long)(r->counters.endless / width));
 }
 
 /* Ends the program over a sample that is no radiance. */
@@ -91,8 +90,8 @@ NORETURN static void die_of(const Render *r, size_t pixel, uint64_t sample, cons
         (unsigned long long)r->options->seed, radiance[0], radiance[1], radiance[2]);
 }
 
-/* Where the window's pixel is in the image, in reading order; *count, of pixels from it on, is cut to as many as
-   follow it there. */
+/* Where the window's pixel is in the image, in reading order; *count, of pixels from it on, is cut to as many
+   as follow it there. */
 static size_t place_in_image(const Window *w, size_t pixel, size_t *count)
 {
     size_t width = (size_t)w->width, x = pixel % width, y = pixel / width;
@@ -114,7 +113,7 @@ static void run(Render *r, Job job)
 static void render_block(Render *r, uint64_t first, int level)
 {
     size_t samples = (size_t)1 << level, at_once = samples < JOB_SAMPLES ? JOB_SAMPLES / samples : 1;
-    size_t pixels = pixels_of(r);
+    size_t pixels = film_pixels(&r->film);
     Layer layer = {level, first >> level, allocate(pixels, 6 * sizeof(double))};
     double *radiance = allocate((at_once < pixels ? at_once : pixels) * samples, 3 * sizeof(double));
     double(*nodes)[6] = allocate(samples, sizeof *nodes);
@@ -163,7 +162,7 @@ static void add_splats(const Splats *splats, size_t paths, double *radiance)
 static void render_pass(Render *r, uint64_t sample)
 {
     const Window *w = &r->film.window;
-    size_t pixels = pixels_of(r), all = (size_t)w->image_width * (size_t)w->image_height;
+    size_t pixels = film_pixels(&r->film), all = (size_t)w->image_width * (size_t)w->image_height;
     Layer layer = {0, sample, allocate(pixels, 6 * sizeof(double))};
     double *radiance = allocate(all, 3 * sizeof *radiance);
     for (size_t pixel = 0, count; pixel < pixels && !interrupted(); pixel += count) {
@@ -198,8 +197,8 @@ static double samples_in(const Render *r, double seconds)
     return seconds * (double)done_here(r) / (seconds_now() - r->started + 1e-9);
 }
 
-/* The numbers of samples at which the error is looked at, whatever the run began with: 16, 18, … by eighths of a
-   power of two. The one that follows `done`. */
+/* The numbers of samples at which the error is looked at, whatever the run began with: 16, 18, … by eighths of
+   a power of two. The one that follows `done`. */
 static uint64_t next_look(uint64_t done)
 {
     uint64_t step = 2;
@@ -246,9 +245,9 @@ static uint64_t samples_left(Render *r)
     return left;
 }
 
-/* The level of the next block. The first is small, each following one at most as large as all before it in this
-   run, so that the pace is known; none takes longer than is bearable to lose: 2 s or an eighth of the time so far,
-   a quarter of the time between checkpoints. */
+/* The level of the next block. The first is small, each following one at most as large as all before it in
+   this run, so that the pace is known; none takes longer than is bearable to lose: 2 s or an eighth of the time
+   so far, a quarter of the time between checkpoints. */
 static int next_level(const Render *r, uint64_t first, uint64_t left)
 {
     double elapsed = seconds_now() - r->started, bearable = fmax(2, elapsed / 8), most = 1;
@@ -257,7 +256,7 @@ static int next_level(const Render *r, uint64_t first, uint64_t left)
     if (done_here(r))
         most = fmin((double)done_here(r), samples_in(r, bearable));
     if (!r->options->checkpoint && r->options->seconds <= 0)
-        most = fmax(most, (double)FIRST_PATHS / (double)pixels_of(r));
+        most = fmax(most, (double)FIRST_PATHS / (double)film_pixels(&r->film));
     int level = film_block_level(first, left);
     while (level > 0 && (double)((uint64_t)1 << level) > most)
         level--;

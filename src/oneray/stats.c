@@ -68,11 +68,11 @@ static void print_stats(FILE *stream, const Options *options, const Render *r, c
     fprintf(stream, "  \"technique\": \"%s\",\n  \"width\": %d,\n  \"height\": %d,\n", technique,
         w->image_width, w->image_height);
     fprintf(stream, "  \"crop\": [%d, %d, %d, %d],\n", w->x, w->y, w->width, w->height);
-    uint64_t spp = film_samples(&r->film), pixels = (uint64_t)w->width * (uint64_t)w->height;
+    uint64_t spp = film_samples(&r->film);
     fprintf(stream, "  \"spp\": %" PRIu64 ",\n  \"seed\": %" PRIu64 ",\n", spp, options->seed);
     print_budget(stream, r);
     fprintf(stream, "  \"paths\": %" PRIu64 ",\n  \"rays\": %" PRIu64 ",\n  \"shadow_rays\": %" PRIu64 ",\n",
-        (spp - r->resumed) * pixels, r->counters.rays, r->counters.shadow_rays);
+        (spp - r->resumed) * film_pixels(&r->film), r->counters.rays, r->counters.shadow_rays);
     fprintf(stream, "  \"seconds\": {\"load\": %.6f, \"build\": %.6f, \"render\": %.6f, \"write\": %.6f},\n",
         seconds->load, seconds->build, seconds->render, seconds->write);
     fprintf(stream, "  \"peak_memory_bytes\": %lld\n}\n", (long long)usage.ru_maxrss * 1024);

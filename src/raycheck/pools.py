@@ -36,7 +36,7 @@ _running: set[subprocess.Popen[bytes]] = set()
 
 
 def run_process(words: Sequence[str], hide: str = "") -> None:
-    """Run a program. Lost if a signal ends it; RenderError with its last line, without `hide`, if it fails."""
+    """Run a program. Lost if a signal ends it; if it fails, RenderError with its last line without `hide`."""
     process = subprocess.Popen(
         words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         start_new_session=os.name == "posix",

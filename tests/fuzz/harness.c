@@ -57,7 +57,10 @@ void *fuzz_calloc(size_t count, size_t size)
 
 static void *fuzz_malloc(size_t size) { return link_in(malloc(sizeof(Block) + size)); }
 
-void *fuzz_realloc(void *memory, size_t size) { return link_in(realloc(unlinked(memory), sizeof(Block) + size)); }
+void *fuzz_realloc(void *memory, size_t size)
+{
+    return link_in(realloc(unlinked(memory), sizeof(Block) + size));
+}
 
 void fuzz_free(void *memory) { free(unlinked(memory)); }
 

@@ -1,5 +1,5 @@
-/* Included before every source file that a fuzz target is made of (-include): an error ends the input, not the program, and
-   all that the input left in memory is freed. */
+/* Included before every source file that a fuzz target is made of (-include): an error ends the input, not the
+   program, and all that the input left in memory is freed. */
 #ifndef FUZZ_HARNESS_H
 #define FUZZ_HARNESS_H
 
