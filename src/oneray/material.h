@@ -203,7 +203,8 @@ STAGE Scatter sample_material(
         Scatter boundary = delta;
         Mask glass = f & HAS_CONDUCTOR ? gather_index(materials->kind, row) == index_of(MATERIAL_DIELECTRIC)
                                        : mask_all();
-        sample_dielectric(materials, s, row, albedo, u[0], &boundary, f);
+        if (any(glass))
+            sample_dielectric(materials, s, row, albedo, u[0], &boundary, f);
         delta.wi = vec_select(glass, boundary.wi, delta.wi);
         delta.factor = vec_select(glass, boundary.factor, delta.factor);
         delta.compression = select(glass & specular, boundary.compression, delta.compression);

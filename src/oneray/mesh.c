@@ -153,11 +153,12 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
         turn_to_normals(mesh);
 }
 
-/* Room for `more` rows behind the first `count`, zeroed. */
+/* Room for `more` rows behind the first `count`, zeroed, and for one beyond, which kernels read along with the
+   last. */
 static void *grow(void *rows, int count, int more, size_t size)
 {
-    char *grown = reallocate(rows, (size_t)count + (size_t)more, size);
-    memset(grown + (size_t)count * size, 0, (size_t)more * size);
+    char *grown = reallocate(rows, (size_t)count + (size_t)more + 1, size);
+    memset(grown + (size_t)count * size, 0, ((size_t)more + 1) * size);
     return grown;
 }
 

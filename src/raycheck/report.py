@@ -14,7 +14,7 @@ from raycheck import curves, pictures, references, renderers, speed, words
 from raycheck.images import Image
 from raycheck.renderers import NotFound
 from raycheck.seeds import make_seeds
-from raycheck.techniques import BEST, TECHNIQUES, technique
+from raycheck.techniques import BEST, TECHNIQUES, left_out, read_content, technique
 from raycheck.truth import truth_of
 from raycheck.verify import Case, Verification, machine, raycheck_version, verify
 
@@ -41,6 +41,8 @@ class SceneSection:
     about: str
     pictures: list[Picture]
     cases: list[dict]
+    left_out: dict[str, list[str]]
+    """Techniques without a case, by the reason."""
     reference: str
 
 
@@ -125,6 +127,7 @@ def _section(name: str, oneray: Path, cases: list[dict]) -> SceneSection:
             Picture(pictures.data_uri(error), "oneray − reference, in standard errors"),
         ],
         cases=cases,
+        left_out=left_out(read_content(references.scene_path(name))),
         reference=f"{source}; {reference.made_by} rendered {samples:,} samples per pixel "
         f"in {reference.batches} batches",
     )  # fmt: skip
