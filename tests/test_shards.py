@@ -83,6 +83,11 @@ def test_command(whole: np.ndarray, tmp_path: Path) -> None:
     assert "in 35 parts (33 were there)" in run("--seed", "5")
     np.testing.assert_array_equal(pixels(tmp_path / "a.exr"), whole)
     assert "in 35 parts," in run("--seed", "6")
+    command[-2:] = []
+    (tmp_path / "a.exr.shards").mkdir()
+    (tmp_path / "a.exr.shards/mine").touch()
+    assert "in 35 parts," in run("--seed", "5")
+    assert [path.name for path in (tmp_path / "a.exr.shards").iterdir()] == ["mine"]
     assert "in 35 parts," in run("--seed", "5", "--technique", "nee")
 
 
@@ -91,6 +96,7 @@ def test_command(whole: np.ndarray, tmp_path: Path) -> None:
     [
         (["no-such-scene", "-o", "a.exr"], "no-such-scene"),
         ([str(BOX), "-o", "a.jpg"], "an .exr, .pfm or .png"),
+        ([str(BOX), "-o", "a.exr", "--exposure", "1"], "--exposure is of a .png"),
         ([str(BOX), "-o", "a.exr", "--technique", "best"], "best"),
         ([str(BOX), "-o", "a.exr", "--jobs", "1", "--dask", "tcp://localhost:1"], "give one of them"),
         ([str(BOX), "-o", "a.exr", "--jobs", "1", "--", "--time", "3"], "do not go with it"),

@@ -204,10 +204,8 @@ void film_collect(Film *film, Film *from, const char *name)
         die("%s: is a film of something else (%s, %dx%d) than is wanted here (%s, %dx%d)", name,
             from->identity, from->window.width, from->window.height, film->identity, film->window.width,
             film->window.height);
-    film->layers =
-        reallocate(film->layers, (size_t)(film->layer_count + from->layer_count), sizeof *film->layers);
-    memcpy(film->layers + film->layer_count, from->layers, (size_t)from->layer_count * sizeof *film->layers);
-    film->layer_count += from->layer_count;
+    for (int k = 0; k < from->layer_count; k++)
+        film_add(film, from->layers[k]);
     free(from->layers);
 }
 

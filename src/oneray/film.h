@@ -39,7 +39,7 @@ int film_block_level(uint64_t first, uint64_t count);
    are room to work in. Returns the first sample that is no radiance (NaN, infinite or negative), or -1. */
 int64_t film_reduce(const double *radiance, int level, double (*nodes)[6]);
 
-/* Adds the layer that follows the film's last one; takes over its pixels. */
+/* Adds a layer, to the last one where the two are halves of one node; takes over its pixels. */
 void film_add(Film *film, Layer layer);
 
 size_t film_pixels(const Film *film); /* of the window */

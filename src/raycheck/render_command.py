@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import shutil
 import time
 from pathlib import Path
 from typing import Annotated
@@ -48,6 +47,8 @@ def render(
         raise NotFound("--jobs and --dask: give one of them; a cluster has its own processes")
     if not output.absolute().parent.is_dir() or output.suffix.lower() not in (".exr", ".pfm", ".png"):
         raise NotFound(f"{output}: an .exr, .pfm or .png in a folder that is there is wanted")
+    if exposure and output.suffix.lower() != ".png":
+        raise NotFound(f"--exposure is of a .png: {output} holds the radiance as it is")
     of = references.variant(scene, parse_settings(settings))
     try:
         chosen = named_technique(technique).options if technique else ()
@@ -66,12 +67,12 @@ def render(
             bar.update(task, completed=done, total=total)
 
         try:
-            new = shards.render(work, spp, output, pool, kept, exposure, on_shard)
+            new = shards.render(
+                work, spp, output, pool, kept, keep=folder is not None, exposure=exposure, on_shard=on_shard
+            )
         finally:
             with contextlib.suppress(OSError):
                 kept.rmdir()  # only if there is nothing in it
-    if folder is None:
-        shutil.rmtree(kept)
     total = len(shards.ranges(spp))
     found = f" ({total - new} were there)" if new < total else ""
     took = words.duration(math.ceil(time.monotonic() - started))

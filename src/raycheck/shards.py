@@ -5,6 +5,7 @@ not matter who renders which samples. A shard is known by the hash of all that i
 meshes and parameters, the program, its options and seed, and the range of samples.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -148,14 +149,22 @@ class Store:
                 ) from None
         new.unlink()
 
+    def remove(self, shards: Sequence[Shard]) -> None:
+        """Remove these, and the folder if nothing else is in it."""
+        for shard in shards:
+            self.path(shard).unlink()
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
+
 
 def render(
-    work: Work, spp: int, output: Path, pool: Pool, folder: Path, exposure: float = 0.0,
+    work: Work, spp: int, output: Path, pool: Pool, folder: Path, *, keep: bool = True, exposure: float = 0.0,
     on_shard: Callable[[int, int], None] | None = None,
 ) -> int:  # fmt: skip
     """Render the shards that `folder` does not hold yet, and merge all into the picture `output`.
 
-    Calls on_shard(done, all). Returns how many were rendered. Raises NotFound, RenderError, Conflict.
+    Without `keep` the shards are removed once the picture is there. Calls on_shard(done, all). Returns how
+    many were rendered. Raises NotFound, RenderError, Conflict.
     """
     oneray = renderers.oneray_path()
     program = program_hash(oneray)
@@ -174,4 +183,6 @@ def render(
     words = [oneray, "merge", *map(store.path, shards), "-o", output]
     words += ["--exposure", exposure] if exposure else []
     pools.run_process([str(word) for word in words])
+    if not keep:
+        store.remove(shards)
     return len(missing)
