@@ -5,6 +5,8 @@
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make stability  how far both renderers hold in stiff cases, half an hour, into references/stability.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
+# make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
+# make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 
 BUILD   ?= build
@@ -13,8 +15,8 @@ CC      ?= cc
 # -fno-math-errno, -fno-trapping-math: no result changes; sqrt needs no call, a select needs no branch.
 CFLAGS  ?= -O2 -g
 WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror
-# expat: the XML parser; OpenEXR (its C library, OpenEXRCore): the pictures.
-PACKAGES := expat OpenEXR
+# expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
+PACKAGES := expat OpenEXR libpng
 ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
@@ -49,7 +51,7 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all demo test references thorough techniques stability benchmark clean FORCE
+.PHONY: all install wheel demo test references thorough techniques stability benchmark fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -77,6 +79,42 @@ $(foreach k,$(KERNEL_LIST),$(eval $(call kernel_rule,$(k))))
 $(BUILD):
 	mkdir -p $@
 
+PREFIX ?= /usr/local
+install: $(BUILD)/oneray
+	install -D $< $(DESTDIR)$(PREFIX)/bin/oneray
+
+wheel: $(BUILD)/oneray $(PYTHON)
+	$(PYTHON) -m pip wheel --quiet --no-deps -w dist -Ccmake.define.ONERAY=$(abspath $<) .
+
+# ---- libFuzzer targets of the readers, under AddressSanitizer and UndefinedBehaviorSanitizer.
+FUZZ_SECONDS ?= 3600
+FUZZERS := $(foreach f,scene ply obj,$(BUILD)/fuzz/$(f))
+FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+    -Isrc/oneray -include tests/fuzz/harness.h
+FUZZ_MESH := harness message mesh mesh_ply mesh_obj
+FUZZ_SCENE := $(FUZZ_MESH) scene_xml scene_values scene_build precision bounds
+vpath %.c src/oneray tests/fuzz
+
+$(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile
+	@mkdir -p $(@D)
+	clang $(FUZZ_CFLAGS) -c $< -o $@
+$(BUILD)/fuzz/read_ply.o $(BUILD)/fuzz/read_obj.o: $(BUILD)/fuzz/read_%.o: tests/fuzz/read_mesh.c $(HEADERS) tests/fuzz/harness.h Makefile
+	@mkdir -p $(@D)
+	clang $(FUZZ_CFLAGS) -DREAD=$*_read -c $< -o $@
+$(BUILD)/fuzz/ply $(BUILD)/fuzz/obj: $(BUILD)/fuzz/%: $(BUILD)/fuzz/read_%.o $(FUZZ_MESH:%=$(BUILD)/fuzz/%.o)
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+$(BUILD)/fuzz/scene: $(BUILD)/fuzz/read_scene.o $(FUZZ_SCENE:%=$(BUILD)/fuzz/%.o)
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+
+fuzzers: $(FUZZERS)
+# What is found goes to build/fuzz/NAME.found; a crash, and an input that takes 10 s or 2 GB, ends it with its file.
+fuzz: $(FUZZERS:%=%.run)
+$(BUILD)/fuzz/%.run: $(BUILD)/fuzz/%
+	mkdir -p $(BUILD)/fuzz/$*.found
+	$< -max_total_time=$(FUZZ_SECONDS) -max_len=16384 -timeout=10 -close_fd_mask=1 -print_final_stats=1 \
+	    -artifact_prefix=$(BUILD)/fuzz/$*- $(patsubst %,-dict=%,$(wildcard tests/fuzz/$*.dict)) $(BUILD)/fuzz/$*.found \
+	    tests/fuzz/$* tests/malformed tests/meshes scenes
+
 # ---- What the targets below need is set up when it is missing: system packages, then Python packages in .venv.
 VENV   := .venv
 PYTHON := $(VENV)/bin/python
@@ -86,7 +124,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang patch libllvm19 valgrind
+	scripts/setup.sh clang libclang-rt-dev patch libllvm19 valgrind
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)

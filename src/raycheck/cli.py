@@ -1,5 +1,6 @@
-"""The command line: raycheck verify, compare, report, techniques, stability, reference."""
+"""The command line: raycheck verify, compare, report, techniques, stability, reference, render."""
 
+import functools
 import math
 import os
 import shlex
@@ -15,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck import mitsuba_reference, prices, reference_making, references, words
+from raycheck import mitsuba_reference, prices, reference_making, references, render_command, words
 from raycheck import stability as stiff
 from raycheck.compare import compare as compare_images
 from raycheck.images import ImageError
@@ -452,6 +453,18 @@ def _plain_errors():
     except KeyboardInterrupt:
         typer.echo("raycheck: interrupted", err=True)
         raise typer.Exit(130) from None
+
+
+def _with_plain_errors(command: Callable[..., None]) -> Callable[..., None]:
+    @functools.wraps(command)
+    def run(*values: object, **options: object) -> None:
+        with _plain_errors():
+            command(*values, **options)
+
+    return run
+
+
+app.command()(_with_plain_errors(render_command.render))
 
 
 def _saving(
