@@ -21,14 +21,15 @@ ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -ffp-contract=off -fno-math-er
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
 # A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512; with
-# :special, the instances of instances.c beside the generic one.
+# :special, the instances of instances.c beside the generic one. Those for AVX-512 only where it is there.
 MACHINE := $(shell $(CC) -dumpmachine 2>/dev/null)
 ifneq (,$(findstring x86_64,$(MACHINE)))
-KERNEL_LIST := double:8:2:special double:4:1:special double:2:0 double:1:0 \
-    single:16:2:special single:8:1:special single:4:0 single:1:0
+CPU_FLAGS := $(shell grep -m1 '^flags' /proc/cpuinfo 2>/dev/null)
+SPECIAL_2 := $(if $(filter avx512dq,$(CPU_FLAGS)),:special)
+KERNEL_LIST := double:8:2$(SPECIAL_2) double:4:1:special double:2:0 double:1:0 \
+    single:16:2$(SPECIAL_2) single:8:1:special single:4:0 single:1:0
 FLAGS_1 := -march=x86-64-v3
 FLAGS_2 := -march=x86-64-v4
-CPU_FLAGS := $(shell grep -m1 '^flags' /proc/cpuinfo 2>/dev/null)
 NATIVE := $(if $(filter avx512dq,$(CPU_FLAGS)),double:8:2:special single:16:2:special,$(if \
     $(filter avx2,$(CPU_FLAGS)),double:4:1:special single:8:1:special,double:2:0:special single:4:0:special))
 else
