@@ -229,6 +229,17 @@ static double height_over(const Plane *plane, const double p[3])
     return height;
 }
 
+/* How far the point is beyond one of the three pairs of a cube's planes: no further than from the cube. */
+static double height_over_cube(const Body *cube, const double p[3])
+{
+    double most = 0;
+    for (int k = 0; k < 6; k += 2) {
+        double one = height_over(&cube->planes[k], p), other = height_over(&cube->planes[k + 1], p);
+        most = one * other > 0 ? fmax(most, fmin(fabs(one), fabs(other))) : most;
+    }
+    return most;
+}
+
 /* Do two planes nearly coincide? What does coincide is no gap. */
 static bool nearly_coincide(const Plane *a, const Plane *b, double limit)
 {
@@ -250,11 +261,13 @@ static bool narrow(const Body *a, const Body *b, double limit)
         const Body *ball = side ? b : a, *other = side ? a : b;
         if (ball->shape->kind != SHAPE_SPHERE || ball->shape->light < 0)
             continue;
-        if (other->plane_count != 1)
+        if (!other->plane_count)
             return true;
         column(ball->shape, 3, center);
         double radius = fabs(ball->shape->to_world.m[0][0]);
-        if (fabs(fabs(height_over(other->planes, center)) - radius) < 8 * limit)
+        double apart = other->plane_count == 6 ? height_over_cube(other, center) - radius
+                                               : fabs(fabs(height_over(other->planes, center)) - radius);
+        if (apart < 8 * limit)
             return true;
     }
     for (int i = 0; i < a->plane_count; i++)
