@@ -15,11 +15,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck import mitsuba_reference, prices, reference_making, references, words
+from raycheck import calibrate_cli, mitsuba_reference, prices, reference_making, references, words
+from raycheck.cli_support import make_console, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
-from raycheck.images import ImageError
-from raycheck.references import ReferenceError_
-from raycheck.renderers import NotFound, RenderError
+from raycheck.renderers import NotFound
 from raycheck.report import write_report
 from raycheck.techniques import TECHNIQUES
 from raycheck.verdict import Outcome
@@ -46,6 +45,7 @@ Settings = Annotated[
 ]
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+app.add_typer(calibrate_cli.app, name="calibrate")
 
 
 def _show_version(value: bool) -> None:
@@ -108,8 +108,8 @@ def verify(
     """Judge a renderer: exit status 1 if anything FAILs, else 3 if anything is INCONCLUSIVE, else 0; 2: could
     not run.
     """
-    _writable(json_file)
-    with _progress("verifying") as on_case, _plain_errors():
+    writable(json_file)
+    with _progress("verifying") as on_case, plain_errors():
         if resume and json_file is None:
             raise NotFound("--resume goes on with the run in --json FILE: name it")
         kept = Verification.read(json_file).cases if resume and json_file.is_file() else []
@@ -120,7 +120,7 @@ def verify(
         )  # fmt: skip
     show(result)
     if json_file:
-        _replace(json_file, result.to_json())
+        replace(json_file, result.to_json())
     raise typer.Exit(result.exit_status)
 
 
@@ -133,10 +133,10 @@ def compare(
     ] = None,
 ) -> None:
     """Do two images with standard errors show the same mean? Exit status as in verify."""
-    _writable(json_file)
-    with _plain_errors():
+    writable(json_file)
+    with plain_errors():
         result = compare_images(a, b)
-    console = _console()
+    console = make_console()
     console.print(f"[{COLOURS[result.verdict]}]{result.verdict}[/]", end=" ")
     console.print(result.reason, markup=False)
     if json_file:
@@ -161,7 +161,7 @@ def report(
     ] = None,
 ) -> None:
     """Leave one offline page: pictures, error maps and verdicts of all scenes."""
-    with _plain_errors(), _progress("verifying") as on_case:
+    with plain_errors(), _progress("verifying") as on_case:
         page = write_report(output, verification, on_case, benchmark)
     typer.echo(f"{page}: open it in a browser")
 
@@ -189,20 +189,20 @@ def techniques(
     ] = None,
 ) -> None:
     """What each technique of oneray costs: variance and time of a sample, against the plain random walk."""
-    _writable(json_file)
-    with _progress("pricing") as on_case, _plain_errors():
+    writable(json_file)
+    with _progress("pricing") as on_case, plain_errors():
         wanted = prices.scenes_named(scenes or (), parse_settings(settings))
         result = prices.price_list(wanted, rounds=rounds, seconds=seconds, spp=spp, on_case=on_case)
     _show_prices(result)
     if json_file:
         budget = {"spp": spp} if spp else {"seconds": seconds}
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()} | budget
-        _replace(json_file, prices.to_json(result, header))
+        replace(json_file, prices.to_json(result, header))
 
 
 def _show_prices(result: list[prices.ScenePrices]) -> None:
     """A table of each scene, and what the techniques in them are."""
-    console = _console()
+    console = make_console()
     for one in result:
         table = Table(box=None, pad_edge=False, header_style="bold")
         for index, name in enumerate(prices.COLUMNS):
@@ -261,7 +261,7 @@ def reference(
     goal = reference_making.Goal(
         image=image_error, tile=tile_error, checked_tile=2 * tile_error, most_seconds=seconds
     )
-    with _plain_errors():
+    with plain_errors():
         wanted = _wanted_references(scenes, parse_settings(settings), every)
         if not wanted:
             typer.echo("all references are fresh")
@@ -283,7 +283,7 @@ def _make_references(
 ) -> None:
     """Plan all, say how long it will take, then render the short ones first."""
     variant = mitsuba_reference.choose_variant() if by is Maker.MITSUBA else ""
-    console = _console()
+    console = make_console()
     work = []
     for of in wanted:
         renderer = (
@@ -323,7 +323,7 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
 
 def show(result: Verification) -> None:
     """The table of verdicts, and a sentence for each that is not PASS."""
-    console = _console()
+    console = make_console()
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("scene", "technique"):
         table.add_column(name, no_wrap=True)
@@ -379,11 +379,6 @@ def _row(case: Case) -> list[str]:
     ]
 
 
-def _console() -> Console:
-    """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
-    return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
-
-
 @contextmanager
 def _progress(what: str):
     """A progress bar with the time left on a terminal's standard error, nothing in a pipe."""
@@ -401,19 +396,6 @@ def _progress(what: str):
         yield on_case
 
 
-@contextmanager
-def _plain_errors():
-    """One line on standard error and exit status 2 where nothing could be judged."""
-    try:
-        yield
-    except (NotFound, ReferenceError_, ImageError, RenderError) as error:
-        typer.echo(f"raycheck: {error}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("raycheck: interrupted", err=True)
-        raise typer.Exit(130) from None
-
-
 def _saving(
     path: Path | None, kept: list[Case], on_case: Callable[[Case, int], None] | None
 ) -> Callable[[Case, int], None]:
@@ -423,25 +405,11 @@ def _saving(
     def save(case: Case, total: int) -> None:
         done[case.scene, case.technique] = case
         if path:
-            _replace(path, Verification(list(done.values())).to_json())
+            replace(path, Verification(list(done.values())).to_json())
         if on_case:
             on_case(case, total)
 
     return save
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
-    partial = path.with_name(f".{path.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
-
-
-def _writable(path: Path | None) -> None:
-    """Say before a long run, not after it, that its result cannot be written."""
-    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
-        typer.echo(f"raycheck: {path}: there is no such folder, or it is one", err=True)
-        raise typer.Exit(2)
 
 
 def main() -> None:

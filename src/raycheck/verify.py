@@ -387,13 +387,23 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
     set_a, _ = trial.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
     set_b, _ = trial.render(spp or 1, seeds[second : second + BATCHES])
     trial.check_seeds()
-    target = region_means(truth.mean, regions)
+    both = np.concatenate([set_a, set_b])
+    problem = checks.shared_noise(both)
+    if not fixed and not problem:
+        tame = truth.regions(first_spp, pilot.skewness)
+        few = region_means(pilot_images, tame)
+        problem = checks.stuck_noise(few, first_spp, region_means(both, tame), spp or 1)
+    if problem and trial.task.independent:
+        return case(Outcome.FAIL, problem, spp=spp, images=2 * BATCHES)
+    means = region_means(both, regions)
+    residuals = means - region_means(truth.mean, regions)
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
-    residuals = (region_means(images, regions) - target for images in (set_a, set_b))
-    found = judge(*residuals, expected, settings.limits)
+    found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
     if found.outcome is Outcome.FAIL:
-        mistake = trial.mistake(np.concatenate([set_a, set_b]))
+        mistake = trial.mistake(both)
+        if not mistake and not fixed:
+            mistake = checks.clamped_samples(found.bias_high, pilot.noise)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
     found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))

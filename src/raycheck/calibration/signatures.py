@@ -1,0 +1,164 @@
+"""Signature images of the catalogued mistakes, and the images that naming is measured by.
+
+A program with a mistake and the correct one render the same seeds; where a first picture is the same bit for
+bit, the mistake does not show in that scene and has no signature there. Tile means are kept under
+build/calibration until the signatures are put together.
+"""
+
+import json
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck import mutants, references, renderers
+from raycheck.calibration import trials
+from raycheck.diagnosis import fine_tiles, folder
+from raycheck.mutants import Mutant
+from raycheck.seeds import make_seeds
+from raycheck.techniques import applicable, read_content, technique
+from raycheck.tiles import region_means
+
+Array = NDArray[np.float64]
+
+SPP, SEEDS = 16, 12
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A program and a scene."""
+
+    mutant: Mutant
+    scene: str
+
+
+def scenes_of(wanted: Sequence[Mutant]) -> list[str]:
+    """The scenes that signatures are made for: all that show a mistake."""
+    return sorted({mutant.scene for mutant in wanted})
+
+
+def pairs(wanted: Sequence[Mutant]) -> list[Pair]:
+    """Each mistake in each scene that its technique applies to."""
+    found = []
+    for scene in scenes_of(wanted):
+        possible = applicable(read_content(references.scene_path(scene)))
+        found += [Pair(m, scene) for m in wanted if not m.equivalent and technique(m.shows) in possible]
+    return found
+
+
+def render_pairs(work: Path, wanted: Sequence[Mutant]) -> Iterator[Pair]:
+    """Tile means of all pairs, kept in `work`; what is there already is kept."""
+    work.mkdir(parents=True, exist_ok=True)
+    for pair in pairs(wanted):
+        program = mutants.program(pair.mutant)
+        path = means_file(work, pair, program)
+        if not path.is_file():
+            _render_pair(pair, program, path, work)
+            yield pair
+
+
+def means_file(work: Path, pair: Pair, program: Path) -> Path:
+    return work / f"{program.name}@{pair.scene}.npz"
+
+
+def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
+    """(SEEDS, T, 3) tile means of the program, and of the correct one from the same seeds; empty where the
+    mistake does not show, or gives no image.
+    """
+    name = pair.mutant.shows
+    # Variants are tests of naming: they have seeds of their own.
+    key = f"signature/{pair.scene}/{bool(pair.mutant.variant)}"
+    seeds = make_seeds(key, SEEDS)
+    scene = references.scene_path(pair.scene)
+    correct = mutants.program(None)
+    shape = _shape(pair.scene)
+    try:
+        first = [trials.command(p, name).render(scene, 1, 1, 60.0).image.pixels for p in (program, correct)]
+        if first[0].shape != first[1].shape or np.array_equal(*first):
+            broken = right = np.zeros((0, len(fine_tiles(*shape)), 3))
+        else:
+            broken = _tile_means(program, pair.scene, name, seeds)
+            right = _correct_means(correct, pair.scene, name, seeds, work)
+    except renderers.RenderError:
+        broken = right = np.zeros((0, len(fine_tiles(*shape)), 3))
+    _save(path, broken=broken, right=right)
+
+
+def _shape(scene: str) -> tuple[int, int]:
+    entry = references.require(references.variant(scene))
+    return entry["height"], entry["width"]
+
+
+def _tile_means(program: Path, scene: str, name: str, seeds: Sequence[int]) -> Array:
+    command, path = trials.command(program, name), references.scene_path(scene)
+    tiles = fine_tiles(*_shape(scene))
+    return np.stack([region_means(command.render(path, SPP, s, 60.0).image.pixels, tiles) for s in seeds])
+
+
+def _correct_means(program: Path, scene: str, name: str, seeds: Sequence[int], work: Path) -> Array:
+    path = work / f"correct-{program.parent.parent.name}-{name}-{seeds[0]}@{scene}.npz"
+    if not path.is_file():
+        _save(path, right=_tile_means(program, scene, name, seeds))
+    with np.load(path) as arrays:
+        return arrays["right"]
+
+
+def _save(path: Path, **arrays: Array) -> None:
+    with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
+        partial = Path(scratch) / path.name
+        np.savez_compressed(partial, **arrays)
+        partial.replace(path)
+
+
+def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
+    """Tile means of the broken program and of the correct one; None if the mistake does not show there."""
+    path = means_file(work, pair, mutants.program(pair.mutant))
+    if not path.is_file():
+        return None
+    with np.load(path) as arrays:
+        broken, right = arrays["broken"], arrays["right"]
+    return (broken, right) if len(broken) else None
+
+
+def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
+    """Put those of the catalogued mistakes together, scene by scene, and write the manifest last."""
+    target = folder()
+    target.mkdir(parents=True, exist_ok=True)
+    mistakes = [m for m in wanted if m.catalogued]
+    scenes, seen = {}, set()
+    for scene in scenes_of(wanted):
+        names, errors, deviations = [], [], []
+        for mutant in mistakes:
+            found = read_pair(work, Pair(mutant, scene))
+            if found is None:
+                continue
+            difference = found[0] - found[1]
+            names.append(mutant.name)
+            errors.append(difference.mean(axis=0))
+            deviations.append(difference.std(axis=0, ddof=1) / np.sqrt(len(difference)))
+        if not names:
+            continue
+        seen.update(names)
+        _save(
+            target / f"{scene}.npz",
+            error=np.array(errors, dtype=np.float32), deviation=np.array(deviations, dtype=np.float16),
+        )  # fmt: skip
+        scenes[scene] = {
+            "hash": references.scene_hash(references.scene_path(scene)), "mistakes": names,
+            "spp": SPP * SEEDS,
+        }  # fmt: skip
+    listing = {
+        "mistakes": {
+            m.name: {"technique": m.technique, "mistake": m.mistake, "symptom": m.symptom, "patch": m.digest}
+            for m in mistakes
+            if m.name in seen
+        },
+        "scenes": scenes,
+    }
+    partial = target / ".manifest.json.part"
+    partial.write_text(json.dumps(listing, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    partial.replace(target / "manifest.json")
+    return target

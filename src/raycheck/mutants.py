@@ -1,0 +1,170 @@
+"""The catalogue of mistakes: patches of oneray, `tests/mutants/NAME.patch`, and the programs that they make.
+
+A patch stands under a header: the lecture's technique, the mistake in a student's words, its symptom, and a
+scene and technique of oneray that show it. `Equivalent: reason` marks one that changes no mean, a negative
+control. `Variant: NAME` marks another patch, or another strength, of a catalogued mistake: it is held out to
+measure how well mistakes are named. Programs are built once for each state of the sources and kept under
+build/mutants.
+"""
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from raycheck.renderers import NotFound
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "tests/mutants"
+HEADERS = ("Technique", "Mistake", "Symptom", "Shows")
+OPTIONAL_HEADERS = ("Equivalent", "Variant")
+
+
+class PatchError(Exception):
+    """A patch that no longer applies, or sources that it breaks: one line."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One mistake."""
+
+    name: str
+    patch: Path
+    technique: str
+    """Of the lecture, "L10 next event estimation", or what else it belongs to: sampling, film, camera."""
+    mistake: str
+    symptom: str
+    scene: str
+    """The canonical scene that shows it…"""
+    shows: str
+    """…with this technique of oneray."""
+    equivalent: str | None = None
+    """Why no mean changes."""
+    variant: str | None = None
+    """The catalogued mistake that it is another form of."""
+
+    @property
+    def digest(self) -> str:
+        """Of what it changes."""
+        return hashlib.sha256(self.patch.read_bytes().split(b"\n---", 1)[1]).hexdigest()[:16]
+
+    @property
+    def catalogued(self) -> bool:
+        """A mistake that can be named."""
+        return self.equivalent is None and self.variant is None
+
+
+def header(patch: Path) -> dict[str, str]:
+    """The lines above the patch, by name."""
+    lines = patch.read_text(encoding="utf-8").split("\n---")[0].splitlines()
+    return dict(line.split(": ", 1) for line in lines if ": " in line)
+
+
+def read(patch: Path) -> Mutant:
+    """PatchError where a line of the header is missing."""
+    lines = header(patch)
+    missing = [name for name in HEADERS if not lines.get(name)]
+    unknown = [name for name in lines if name not in HEADERS + OPTIONAL_HEADERS]
+    if missing or unknown or len(lines["Shows"].split()) != 2:
+        raise PatchError(f"{patch}: the header needs {', '.join(HEADERS)} and may have Equivalent or Variant")
+    scene, shows = lines["Shows"].split()
+    return Mutant(
+        patch.stem, patch, lines["Technique"], lines["Mistake"], lines["Symptom"], scene, shows,
+        lines.get("Equivalent"), lines.get("Variant"),
+    )  # fmt: skip
+
+
+def catalogue(folder: Path = FOLDER) -> list[Mutant]:
+    """All mutants, by name; NotFound outside a checkout, which alone has them."""
+    patches = sorted(folder.glob("*.patch"))
+    if not patches:
+        raise NotFound(f"{folder}: there are no patches; calibration needs a checkout of the sources")
+    return [read(patch) for patch in patches]
+
+
+def settings() -> list[str]:
+    """What `make` is told: one generic kernel in double precision, as wide as this machine, with few
+    optimisations, which halves the time to build, and without warnings.
+    """
+    info = Path("/proc/cpuinfo")
+    wide = info.is_file() and "avx2" in info.read_text()
+    return [f"KERNEL_LIST={'double:4:1' if wide else 'double:2:0'}", "CFLAGS=-O1", "WARN=", "LDFLAGS=-s"]
+
+
+OPTIONS = ("--precision", "double")
+"""What a mutant's command needs: it has no other kernel."""
+
+
+def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path:
+    """The program with this mistake, or with none; built where it is not there yet."""
+    sources = _digest(None)
+    base = cache / sources
+    if not (base / "build/oneray").is_file():
+        cache.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix="oneray-", dir=cache) as folder:
+            build(None, Path(folder) / "copy")
+            (Path(folder) / "copy").replace(base)
+    if not mutant:
+        return base / "build/oneray"
+    target = cache / f"{mutant.name}-{_digest(mutant)}"
+    if not target.is_file():
+        with tempfile.TemporaryDirectory(prefix="oneray-", dir=cache) as folder:
+            build(mutant, Path(folder) / "copy", base).replace(target)
+    return target
+
+
+def _digest(mutant: Mutant | None) -> str:
+    """Of the sources, the patch and how they are built."""
+    digest = hashlib.sha256("\n".join(settings()).encode())
+    for path in (ROOT / "Makefile", *sorted((ROOT / "src/oneray").iterdir())):
+        digest.update(path.read_bytes())
+    if mutant:
+        digest.update(mutant.patch.read_bytes().split(b"\n---", 1)[1])
+    return digest.hexdigest()[:24]
+
+
+def build(mutant: Mutant | None, folder: Path, base: Path | None = None) -> Path:
+    """A copy of the sources in `folder`, patched and built; PatchError where that fails. What the patch does
+    not touch is taken from a `base` that is already built.
+    """
+    shutil.copytree(ROOT / "src/oneray", folder / "src/oneray")
+    shutil.copy(ROOT / "Makefile", folder)
+    touched = apply(mutant, folder) if mutant else set()
+    if base:
+        keep = [o for o in (base / "build").glob("*.o") if not _includes(folder / "src/oneray", o) & touched]
+        (folder / "build").mkdir()
+        for path in (base / "build/.settings", *keep):
+            shutil.copy(path, folder / "build")
+    environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
+    command = ["make", "-C", str(folder), "BUILD=build", *settings(), "all"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    if done.returncode:
+        raise PatchError(f"{mutant.name if mutant else 'oneray'}: cannot be built: {done.stderr[-800:]}")
+    return folder / "build/oneray"
+
+
+def _includes(sources: Path, compiled: Path) -> set[str]:
+    """Names of the files that went into an object, by what they include."""
+    found, left = set(), [f"{compiled.stem.split('_double')[0]}.c"]
+    while left:
+        name = left.pop()
+        if name not in found:
+            found.add(name)
+            left += re.findall(r'^#include "(\S+)"', (sources / name).read_text(), re.MULTILINE)
+    return found
+
+
+def apply(mutant: Mutant, folder: Path) -> set[str]:
+    """Patch the copy of the sources in `folder`: the names of the files that change. Their context may have
+    changed since the patch was made, what it replaces may not.
+    """
+    command = ["patch", "-p1", "--fuzz=1", "--no-backup-if-mismatch", "-i", str(mutant.patch)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = " ".join((done.stdout + done.stderr).split())
+        raise PatchError(f"{mutant.patch.name} no longer applies: {said}")
+    return set(re.findall(r"^\+\+\+ b/src/oneray/(\S+)", mutant.patch.read_text(), re.MULTILINE))
