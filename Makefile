@@ -4,6 +4,7 @@
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
+# make calibrate  measures raycheck itself, an hour of one core, into references/calibration.json and references/signatures
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 
 BUILD   ?= build
@@ -48,7 +49,7 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all demo test references thorough techniques benchmark clean FORCE
+.PHONY: all demo test references thorough techniques benchmark calibrate clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -129,6 +130,14 @@ benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
 	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
 	$(PYTHON) scripts/readme_benchmark.py
+
+calibrate: $(BUILD)/.system-test $(VENV)/.test
+	$(RAYCHECK) calibrate nulls
+	$(RAYCHECK) calibrate mde
+	$(RAYCHECK) calibrate mutants
+	$(RAYCHECK) calibrate signatures
+	$(RAYCHECK) calibrate naming
+	$(PYTHON) scripts/readme_calibration.py
 
 clean:
 	rm -rf $(BUILD)

@@ -15,7 +15,6 @@ from building import ROOT
 from raycheck import mutants
 from raycheck.calibration import trials
 from raycheck.techniques import technique
-from raycheck.verdict import Outcome
 
 CATALOGUE = {mutant.name: mutant for mutant in mutants.catalogue()}
 SAMPLE = (
@@ -61,17 +60,17 @@ def test_a_patch_that_does_not_apply_is_told(tmp_path: Path) -> None:
 
 def judged(name: str) -> trials.Trial:
     mutant = CATALOGUE[name]
-    command = trials.command(mutants.program(mutant), mutant.shows)
-    return trials.try_renderer(command, mutant.scene, trials.load_truth(mutant.scene), spp=16)
+    program = trials.Program(mutants.program(mutant), mutant.shows)
+    return trials.try_program(program, mutant.scene, trials.load_truth(mutant.scene), spp=16)
 
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_a_mistake_fails(name: str) -> None:
-    case = judged(name).case
-    assert case.verdict is Outcome.FAIL, case.reason
+    trial = judged(name)
+    assert trial.rejected["raycheck"], trial.reason
 
 
 @pytest.mark.parametrize("name", CONTROLS)
 def test_no_mistake_does_not(name: str) -> None:
-    case = judged(name).case
-    assert case.verdict is not Outcome.FAIL, case.reason
+    trial = judged(name)
+    assert trial.images is not None and not trial.rejected["raycheck"], trial.reason

@@ -15,16 +15,26 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck import calibrate_cli, mitsuba_reference, prices, reference_making, references, words
+from raycheck import (
+    calibrate_cli,
+    diagnose_cli,
+    mitsuba_reference,
+    prices,
+    reference_making,
+    references,
+    words,
+)
 from raycheck.cli_support import make_console, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
+from raycheck.junit import junit_xml
 from raycheck.renderers import NotFound
 from raycheck.report import write_report
 from raycheck.techniques import TECHNIQUES
-from raycheck.verdict import Outcome
+from raycheck.verdict import Limits, Outcome
 from raycheck.verify import Case, Verification, machine, raycheck_version
 from raycheck.verify import verify as run_verification
 
+TILE_LIMITS = Limits.tile / Limits.image
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
 FEW_COMMANDS = """\
 raycheck judges Monte Carlo renderers against references. The three commands that matter:
@@ -46,6 +56,7 @@ Settings = Annotated[
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 app.add_typer(calibrate_cli.app, name="calibrate")
+app.command()(diagnose_cli.diagnose)
 
 
 def _show_version(value: bool) -> None:
@@ -91,6 +102,20 @@ def verify(
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
     ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the verdicts here as JUnit XML, for CI.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
+    ] = None,
+    delta: Annotated[
+        float,
+        typer.Option(
+            min=1e-4,
+            max=0.5,
+            help="A PASS means: the image within this of the reference, tiles within 5 times.",
+        ),
+    ] = Limits.image,
     thorough: Annotated[
         bool, typer.Option("--thorough", help="As many samples as the committed result has.")
     ] = False,
@@ -109,18 +134,24 @@ def verify(
     not run.
     """
     writable(json_file)
+    writable(junit)
     with _progress("verifying") as on_case, plain_errors():
+        if thorough and seconds is not None:
+            raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
         if resume and json_file is None:
             raise NotFound("--resume goes on with the run in --json FILE: name it")
         kept = Verification.read(json_file).cases if resume and json_file.is_file() else []
         result = run_verification(
             renderer, scenes or (), parameters=parse_settings(settings), techniques=technique or (),
-            images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout,
+            images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
+            limits=Limits(image=delta, tile=TILE_LIMITS * delta),
             earlier=kept, on_case=_saving(json_file, kept, on_case) if thorough else on_case,
         )  # fmt: skip
     show(result)
     if json_file:
         replace(json_file, result.to_json())
+    if junit:
+        replace(junit, junit_xml(result))
     raise typer.Exit(result.exit_status)
 
 

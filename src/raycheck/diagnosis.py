@@ -137,6 +137,21 @@ def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosi
     return Diagnosis(guesses, bool(guesses) and guesses[0].fit >= KNOWN, significant, len(names))
 
 
+SURE = 0.9
+"""Fit from which the image of a single scene is enough to name a mistake unasked."""
+
+
+def likely(scene: str, images: Array, truth: Truth) -> Mistake | None:
+    """The mistake that an image of this scene looks like; None if that is not clear, or nothing is known of
+    the scene.
+    """
+    try:
+        told = diagnose([evidence(scene, images, truth)])
+    except references.ReferenceError_:
+        return None
+    return told.guesses[0].mistake if told.significant and told.guesses[0].fit >= SURE else None
+
+
 def _sure(found: Sequence[Evidence]) -> bool:
     """Does any tile differ by far more than noise?"""
     return any(

@@ -99,28 +99,38 @@ OPTIONS = ("--precision", "double")
 """What a mutant's command needs: it has no other kernel."""
 
 
+MANY_SEEDS = Path(__file__).parent / "calibration/many_seeds.c"
+
+
 def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path:
-    """The program with this mistake, or with none; built where it is not there yet."""
-    sources = _digest(None)
-    base = cache / sources
-    if not (base / "build/oneray").is_file():
+    """The program with this mistake, or with none; built where it is not there yet. Beside it is
+    `many-seeds`, which renders many images in one process.
+    """
+    base = cache / f"oneray-{_digest(None)}"
+    if not (base / "build/many-seeds").is_file():
         cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix="oneray-", dir=cache) as folder:
+        with tempfile.TemporaryDirectory(prefix="building-", dir=cache) as folder:
             build(None, Path(folder) / "copy")
+            shutil.rmtree(base, ignore_errors=True)
             (Path(folder) / "copy").replace(base)
     if not mutant:
         return base / "build/oneray"
     target = cache / f"{mutant.name}-{_digest(mutant)}"
-    if not target.is_file():
-        with tempfile.TemporaryDirectory(prefix="oneray-", dir=cache) as folder:
-            build(mutant, Path(folder) / "copy", base).replace(target)
-    return target
+    if not target.is_dir():
+        with tempfile.TemporaryDirectory(prefix="building-", dir=cache) as folder:
+            oneray = build(mutant, Path(folder) / "copy", base)
+            kept = Path(folder) / "kept"
+            kept.mkdir()
+            for path in (oneray, oneray.with_name("many-seeds")):
+                path.replace(kept / path.name)
+            kept.replace(target)
+    return target / "oneray"
 
 
 def _digest(mutant: Mutant | None) -> str:
     """Of the sources, the patch and how they are built."""
     digest = hashlib.sha256("\n".join(settings()).encode())
-    for path in (ROOT / "Makefile", *sorted((ROOT / "src/oneray").iterdir())):
+    for path in (ROOT / "Makefile", MANY_SEEDS, *sorted((ROOT / "src/oneray").iterdir())):
         digest.update(path.read_bytes())
     if mutant:
         digest.update(mutant.patch.read_bytes().split(b"\n---", 1)[1])
@@ -142,6 +152,16 @@ def build(mutant: Mutant | None, folder: Path, base: Path | None = None) -> Path
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
     command = ["make", "-C", str(folder), "BUILD=build", *settings(), "all"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    if not done.returncode:
+        objects = [str(o) for o in sorted((folder / "build").glob("*.o")) if o.name != "main.o"]
+        libraries = subprocess.run(
+            ["pkg-config", "--libs", "expat", "OpenEXR"], capture_output=True, text=True, check=False
+        ).stdout.split()
+        command = [
+            "cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", "-s", f"-I{folder / 'src/oneray'}",
+            str(MANY_SEEDS), *objects, *libraries, "-lm", "-o", str(folder / "build/many-seeds"),
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise PatchError(f"{mutant.name if mutant else 'oneray'}: cannot be built: {done.stderr[-800:]}")
     return folder / "build/oneray"

@@ -13,19 +13,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants, renderers
+from raycheck import mutants
 from raycheck.calibration import rivals, trials
 from raycheck.calibration.nulls import read_lines
 from raycheck.mutants import Mutant
-from raycheck.references import scene_path
 from raycheck.tiles import region_means
 from raycheck.truth import Truth
 from raycheck.verify import PILOT_IMAGES
 
 Array = NDArray[np.float64]
 
-SPP = 16
-MIXES = tuple(2.0**-k for k in range(1, 15))
+SPP = 8
+MIXES = tuple(4.0**-k for k in range(1, 9))
 WEAKEST, STRONGEST = 0.1, 16.0
 """Effects of mixed images, in detectable biases, that say anything."""
 CLASSES = ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, np.inf))
@@ -58,16 +57,14 @@ def judge_mutant(mutant: Mutant, program: Path, correct: Path, truth: Truth) -> 
     """The mistake as it is, and weakened."""
 
     def kill(strength: float, effect: float | None, rejected: dict[str, bool], reason: str = "") -> Kill:
-        return Kill(mutant.name, kind(mutant), strength, effect, rejected, reason, program.name)
+        return Kill(mutant.name, kind(mutant), strength, effect, rejected, reason, program.parent.name)
 
-    command = trials.command(program, mutant.shows)
-    trial = trials.try_renderer(command, mutant.scene, truth, SPP)
+    trial = trials.try_program(trials.Program(program, mutant.shows), mutant.scene, truth, SPP)
     if trial.images is None:
-        every = dict.fromkeys(rivals.NAMES, True)
-        return [kill(1.0, None, every, trial.case.reason)]
-    right = _images(correct, mutant.scene, mutant.shows, tuple(trial.seeds))
-    pilot, images = right[:PILOT_IMAGES], right[PILOT_IMAGES:]
-    found = [kill(1.0, _effect(images, pilot, trial.images, truth), trial.rejected, trial.case.reason)]
+        return [kill(1.0, None, dict.fromkeys(rivals.NAMES, True), trial.reason)]
+    right = _images(correct, mutant.scene, mutant.shows, tuple(trial.requests))
+    pilot, images = right[1 : 1 + PILOT_IMAGES], right[1 + PILOT_IMAGES :]
+    found = [kill(1.0, _effect(images, pilot, trial.images, truth), trial.rejected, trial.reason)]
     if mutant.equivalent:
         return found
     for mix in MIXES:
@@ -81,9 +78,8 @@ def judge_mutant(mutant: Mutant, program: Path, correct: Path, truth: Truth) -> 
 
 
 @functools.lru_cache(maxsize=2)
-def _images(program: Path, scene: str, shows: str, seeds: tuple[int, ...]) -> Array:
-    command, path = trials.command(program, shows), scene_path(scene)
-    return np.stack([command.render(path, SPP, seed, 60.0).image.pixels for seed in seeds])
+def _images(program: Path, scene: str, shows: str, requests: tuple[tuple[int, int], ...]) -> Array:
+    return trials.Program(program, shows).images(scene, requests)
 
 
 def _effect(images: Array, pilot: Array, broken: Array, truth: Truth) -> float:
@@ -99,13 +95,10 @@ def measure_kills(file: Path, wanted: Sequence[Mutant]) -> Iterator[list[Kill]]:
     done = {(line["name"], line["digest"]) for line in read_lines(file)}
     for mutant in sorted(wanted, key=lambda m: (m.scene, m.shows)):
         program = mutants.program(mutant)
-        if (mutant.name, program.name) in done:
+        if (mutant.name, program.parent.name) in done:
             continue
-        try:
-            truth = trials.load_truth(mutant.scene)
-            found = judge_mutant(mutant, program, mutants.program(None), truth)
-        except renderers.RenderError as error:
-            raise renderers.NotFound(f"{mutant.name}: {error}") from None
+        truth = trials.load_truth(mutant.scene)
+        found = judge_mutant(mutant, program, mutants.program(None), truth)
         with file.open("a", encoding="utf-8") as lines:
             lines.writelines(json.dumps(one.__dict__) + "\n" for one in found)
         yield found

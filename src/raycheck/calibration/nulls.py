@@ -6,18 +6,17 @@ of eight parts, whose pixels are independent of each other: those on the parts a
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references, renderers
+from raycheck import mutants, references
 from raycheck import statistics as st
 from raycheck.calibration import rivals, trials
 from raycheck.seeds import make_seeds
-from raycheck.techniques import technique
 from raycheck.tiles import Tile
 from raycheck.truth import Truth
 from raycheck.verdict import Expected, Outcome, judge
@@ -58,14 +57,13 @@ CONFIGURATIONS = (
     Configuration("cornell-box", "mitsuba", "Mitsuba judged by its own references"),
 )
 
-Render = Callable[[int], Array]
-"""From a seed to an image (H, W, 3)."""
+Render = Callable[[list[int]], Array]
+"""From seeds to images (n, H, W, 3)."""
 
 
 def oneray_render(configuration: Configuration) -> Render:
-    command = renderers.oneray_command(renderers.oneray_path(), technique(configuration.by).options)
-    path = references.scene_path(configuration.scene)
-    return lambda seed: command.render(path, SPP, seed, 60.0).image.pixels
+    program = trials.Program(mutants.program(None), configuration.by)
+    return lambda seeds: program.images(configuration.scene, [(SPP, seed) for seed in seeds])
 
 
 def mitsuba_render(configuration: Configuration) -> Render:
@@ -73,7 +71,9 @@ def mitsuba_render(configuration: Configuration) -> Render:
 
     mitsuba.set_variant("scalar_rgb")
     scene = mitsuba.load_file(str(references.scene_path(configuration.scene)))
-    return lambda seed: np.array(mitsuba.render(scene, spp=SPP, seed=seed), dtype=np.float64)
+    return lambda seeds: np.stack(
+        [np.array(mitsuba.render(scene, spp=SPP, seed=seed), dtype=np.float64) for seed in seeds]
+    )
 
 
 PARTS = (4, 2)
@@ -112,7 +112,7 @@ class Judged:
 
 def judge_null(images: Array, pilot_images: Array, truth: Truth) -> Judged:
     """What `raycheck verify` says of 64 images at SPP samples, and what it would say if they were biased."""
-    sets = trials.judge_images(images, pilot_images, truth, SPP)
+    sets = trials.judge_images(images, pilot_images, truth, SPP, SPP)
     outcome = Outcome.FAIL if sets.fails else sets.found.outcome
     return Judged(outcome, _p_values(sets.first, sets.second, sets.expected), _injected(sets))
 
@@ -182,7 +182,7 @@ class Set:
 
 def judge_set(configuration: Configuration, index: int, render: Render, truth: Truth) -> Set:
     seeds = make_seeds(f"null/{configuration.label}/{index}", PILOT_IMAGES + 2 * BATCHES)
-    images = np.stack([render(seed) for seed in seeds])
+    images = render(seeds)
     pilot, images = images[:PILOT_IMAGES], images[PILOT_IMAGES:]
     whole = judge_null(images, pilot, truth)
     outcomes, p = [], Counter({k: n for k, n in whole.p.items() if not k.startswith("tile")})
@@ -197,12 +197,14 @@ def judge_set(configuration: Configuration, index: int, render: Render, truth: T
     )  # fmt: skip
 
 
-def measure_nulls(file: Path, sets: int) -> Iterator[Set]:
+def measure_nulls(
+    file: Path, sets: int, configurations: Sequence[Configuration] = CONFIGURATIONS
+) -> Iterator[Set]:
     """`sets` sets of each configuration, in turn; what `file` has is kept, new ones are added to it."""
     done = {(line["configuration"], line["index"]) for line in read_lines(file)}
     ready = {}
     for index in range(sets):
-        for one in CONFIGURATIONS:
+        for one in configurations:
             if (one.label, index) in done:
                 continue
             if one not in ready:

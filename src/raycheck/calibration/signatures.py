@@ -24,7 +24,7 @@ from raycheck.tiles import region_means
 
 Array = NDArray[np.float64]
 
-SPP, SEEDS = 16, 12
+SPP, SEEDS = 8, 8
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,12 @@ def pairs(wanted: Sequence[Mutant]) -> list[Pair]:
     return found
 
 
-def render_pairs(work: Path, wanted: Sequence[Mutant]) -> Iterator[Pair]:
-    """Tile means of all pairs, kept in `work`; what is there already is kept."""
+def render_pairs(work: Path, wanted: Sequence[Mutant], only: Sequence[Mutant] = ()) -> Iterator[Pair]:
+    """Tile means of all pairs, or those of some mutants, kept in `work`; what is there already is kept."""
     work.mkdir(parents=True, exist_ok=True)
     for pair in pairs(wanted):
+        if only and pair.mutant not in only:
+            continue
         program = mutants.program(pair.mutant)
         path = means_file(work, pair, program)
         if not path.is_file():
@@ -61,7 +63,7 @@ def render_pairs(work: Path, wanted: Sequence[Mutant]) -> Iterator[Pair]:
 
 
 def means_file(work: Path, pair: Pair, program: Path) -> Path:
-    return work / f"{program.name}@{pair.scene}.npz"
+    return work / f"{program.parent.name}@{pair.scene}.npz"
 
 
 def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
@@ -72,11 +74,10 @@ def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
     # Variants are tests of naming: they have seeds of their own.
     key = f"signature/{pair.scene}/{bool(pair.mutant.variant)}"
     seeds = make_seeds(key, SEEDS)
-    scene = references.scene_path(pair.scene)
     correct = mutants.program(None)
     shape = _shape(pair.scene)
     try:
-        first = [trials.command(p, name).render(scene, 1, 1, 60.0).image.pixels for p in (program, correct)]
+        first = [trials.Program(p, name).images(pair.scene, [(1, 1)]) for p in (program, correct)]
         if first[0].shape != first[1].shape or np.array_equal(*first):
             broken = right = np.zeros((0, len(fine_tiles(*shape)), 3))
         else:
@@ -93,9 +94,8 @@ def _shape(scene: str) -> tuple[int, int]:
 
 
 def _tile_means(program: Path, scene: str, name: str, seeds: Sequence[int]) -> Array:
-    command, path = trials.command(program, name), references.scene_path(scene)
-    tiles = fine_tiles(*_shape(scene))
-    return np.stack([region_means(command.render(path, SPP, s, 60.0).image.pixels, tiles) for s in seeds])
+    images = trials.Program(program, name).images(scene, [(SPP, seed) for seed in seeds])
+    return region_means(images, fine_tiles(*_shape(scene)))
 
 
 def _correct_means(program: Path, scene: str, name: str, seeds: Sequence[int], work: Path) -> Array:

@@ -1,8 +1,8 @@
 """One renderer on one scene, judged by raycheck and, on the same images, by the other rules."""
 
-import time
+import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,31 +11,38 @@ from numpy.typing import NDArray
 from raycheck import checks, references, renderers
 from raycheck import statistics as st
 from raycheck.calibration import rivals
+from raycheck.images import Image
 from raycheck.mutants import OPTIONS
 from raycheck.pilot import measure
 from raycheck.renderers import Rendering
 from raycheck.techniques import technique
-from raycheck.tiles import SMALLEST, Tile, region_means
+from raycheck.tiles import Tile, region_means
 from raycheck.truth import Truth, truth_of
 from raycheck.verdict import ALPHA, SHARE_IMAGE, SHARE_TILES, Expected, Judgement, Outcome, judge
-from raycheck.verify import BATCHES, PILOT_IMAGES, Case, verify
+from raycheck.verify import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds, verify
 
 Array = NDArray[np.float64]
 
 
-def command(program: Path, name: str) -> renderers.Command:
-    """A program of `mutants.program` with a technique of the table."""
-    return renderers.oneray_command(program, (*technique(name).options, *OPTIONS))
+@dataclass(frozen=True)
+class Program:
+    """A program of `mutants.program` with a technique of the table; renders many seeds in one process."""
 
+    path: Path
+    technique: str
 
-def grid(truth: Truth) -> list[Tile]:
-    """The finest tiles."""
-    height, width = truth.shape
-    return [
-        Tile(row, column, min(SMALLEST, height - row), min(SMALLEST, width - column))
-        for row in range(0, height, SMALLEST)
-        for column in range(0, width, SMALLEST)
-    ]
+    def images(self, scene: str, requests: Sequence[tuple[int, int]]) -> Array:
+        """(n, H, W, 3) of (spp, seed); RenderError with its words where the program gives up."""
+        file = references.scene_path(scene)
+        entry = references.require(references.variant(scene))
+        words = [str(self.path.with_name("many-seeds")), str(file), "-o", "none.exr", "--quiet",
+                 *technique(self.technique).options, *OPTIONS]  # fmt: skip
+        lines = "".join(f"{spp} {seed}\n" for spp, seed in requests)
+        done = subprocess.run(words, input=lines.encode(), capture_output=True, check=False)
+        if done.returncode:
+            raise renderers.RenderError(done.stderr.decode(errors="replace").strip() or f"{done.returncode}")
+        values = np.frombuffer(done.stdout, dtype=np.float32).astype(np.float64)
+        return values.reshape(len(requests), entry["height"], entry["width"], 3)
 
 
 def load_truth(scene: str) -> Truth:
@@ -69,9 +76,11 @@ class Sets:
         return level
 
 
-def judge_images(images: Array, pilot_images: Array, truth: Truth, spp: int) -> Sets:
-    """64 images and a pilot's 8, all at `spp` samples per pixel."""
-    pilot = measure(pilot_images, spp, truth, {spp: 1.0})
+def judge_images(
+    images: Array, pilot_images: Array, truth: Truth, spp: int, pilot_spp: int = PILOT_SPP
+) -> Sets:
+    """64 images at `spp` samples per pixel, and 8 of a pilot."""
+    pilot = measure(pilot_images, pilot_spp, truth, {pilot_spp: 1.0})
     regions = truth.regions(spp, pilot.skewness)
     expected = truth.expected(regions, spp / max(pilot.noise, 1.0))
     residuals = region_means(images, regions) - expected.mean
@@ -85,62 +94,47 @@ def judge_images(images: Array, pilot_images: Array, truth: Truth, spp: int) -> 
 
 
 @dataclass
-class Recorder:
-    """A renderer that remembers what it was asked and what it gave."""
+class Ready:
+    """A renderer whose images are there before they are asked for."""
 
-    renderer: renderers.Renderer
+    images: dict[tuple[int, int], Array]
+    """By (spp, seed)."""
     takes_scene: bool = True
     takes_spp: bool = True
     takes_seed: bool = True
-    made: list[tuple[int, int, Array]] = field(default_factory=list)
-    """(spp, seed, image) in order."""
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
-        made = self.renderer.render(scene, spp, seed, timeout)
-        self.made.append((spp, seed, made.image.pixels))
-        return made
+        return Rendering(Image(self.images[spp, seed]), 0.0)
 
 
 @dataclass(frozen=True)
 class Trial:
     """What came out."""
 
-    case: Case
+    reason: str
+    """raycheck's, or why there is no image."""
     rejected: dict[str, bool]
     """By rule, raycheck's among them; empty where no image could be had."""
+    pilot_images: Array | None
+    """(8, H, W, 3) at PILOT_SPP"""
     images: Array | None
     """(64, H, W, 3), what the other rules saw: at least as many samples as raycheck."""
-    pilot_images: Array | None
-    """(8, H, W, 3)"""
-    seeds: Sequence[int]
-    """Of the pilot's images, then of the others."""
+    requests: Sequence[tuple[int, int]]
+    """(spp, seed) of all images, the first one, the pilot's and the others."""
     spp: int
-    seconds: float
 
 
-def try_renderer(renderer: renderers.Renderer, scene: str, truth: Truth, spp: int, seed: int = 0) -> Trial:
-    """Judge as `raycheck verify --spp` does; where that ended early, the others still get all 64 images."""
-    started = time.perf_counter()
-    recorder = Recorder(renderer)
-    [case] = verify(recorder, [scene], spp=spp, seed=seed, jobs=1).cases
-    made = [one for one in recorder.made if one[0] == spp]
-    path = references.scene_path(scene)
+def try_program(program: Program, scene: str, truth: Truth, spp: int, seed: int = 0) -> Trial:
+    """Judge as `raycheck verify --renderer … --spp` does; the other rules get all of its 64 images."""
+    first, count = references.require(references.variant(scene))["seeds"]
+    seeds = case_seeds(scene, "renderer", seed, range(first, first + count))[: 1 + PILOT_IMAGES + 2 * BATCHES]
+    ends = 1 + PILOT_IMAGES
+    requests = [(1, seeds[0]), *((PILOT_SPP, s) for s in seeds[1:ends]), *((spp, s) for s in seeds[ends:])]
     try:
-        for extra in range(PILOT_IMAGES + 2 * BATCHES - len(made)):
-            another = 10**9 + seed * 1000 + extra
-            made.append((spp, another, renderer.render(path, spp, another, 60.0).image.pixels))
-        images = np.stack([one[2] for one in made])
-        usable = images.shape[1:3] == truth.shape and bool(np.isfinite(images).all())
-    except (renderers.RenderError, ValueError):
-        usable = False
-    seconds = time.perf_counter() - started
-    if not usable:
-        return Trial(case, {}, None, None, [], spp, seconds)
-    pilot_images, images = images[:PILOT_IMAGES], images[PILOT_IMAGES:]
+        made = program.images(scene, requests)
+    except renderers.RenderError as error:
+        return Trial(str(error), {}, None, None, requests, spp)
+    [case] = verify(Ready(dict(zip(requests, made, strict=True))), [scene], spp=spp, seed=seed, jobs=1).cases
+    images = made[ends:]
     rejected = {"raycheck": case.verdict is Outcome.FAIL, **rivals.judge(images, spp, truth)}
-    return Trial(case, rejected, images, pilot_images, [one[1] for one in made], spp, seconds)
-
-
-def tile_means(images: Array, truth: Truth) -> Array:
-    """(B, H, W, 3) → (B, tiles, 3) over the finest tiles."""
-    return region_means(images, grid(truth))
+    return Trial(case.reason, rejected, made[1:ends], images, requests, spp)
