@@ -1,5 +1,5 @@
-"""The page docs/check-your-renderer.md does what it says: its programs write, its commands print, its examples
-run.
+"""The page docs/check-your-renderer.md does what it says: its programs write, its commands print, its
+examples run.
 """
 
 import re

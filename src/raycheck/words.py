@@ -58,9 +58,8 @@ def _failure(found: Judgement, regions: list[Tile], height: int, width: int) -> 
         count, total = found.tile_differences, len(regions) - 1
         which = f"all {total} tiles differ" if count == total else f"{count} of {total} tiles differ"
         others = "" if count > total / 2 else ", and no difference is seen in the others"
-        parts.append(
-            f"{which}, most of all {where}, which is {_amount(largest)} in {CHANNELS[largest.channel]}{others}"
-        )
+        amount = f"{_amount(largest)} in {CHANNELS[largest.channel]}"
+        parts.append(f"{which}, most of all {where}, which is {amount}{others}")
     if not parts:
         parts.append(
             "no single tile is far off, but together the tiles differ from the reference by more than noise"

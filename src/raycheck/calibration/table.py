@@ -42,9 +42,9 @@ def _alarms(nulls: Mapping[str, Any]) -> str:
         for family, values in p.items()
     )
     return (
-        f"False alarms of raycheck: {nulls['false_alarms']} in {nulls['verdicts']:,} verdicts on parts of images "
-        f"of {len(nulls['configurations'])} correct configurations. Share of p-values below 0.01 and 0.001: "
-        f"{shares}."
+        f"False alarms of raycheck: {nulls['false_alarms']} in {nulls['verdicts']:,} verdicts on parts of "
+        f"images of {len(nulls['configurations'])} correct configurations. Share of p-values below 0.01 and "
+        f"0.001: {shares}."
     )
 
 
@@ -53,8 +53,8 @@ def _power(mde: Mapping[str, Any]) -> str:
         f"{name} {', '.join(f'{100 * share:.0f} %' for share in mde[name])}" for name in ("image", "tile")
     ]
     return (
-        "A bias of 0.5, 1 and 2 times the printed detectable one, injected, is noticed by the test that it was "
-        f"printed for: {'; '.join(said)}."
+        "A bias of 0.5, 1 and 2 times the printed detectable one, injected, is noticed by the test that it "
+        f"was printed for: {'; '.join(said)}."
     )
 
 
@@ -62,8 +62,8 @@ def _naming(naming: Mapping[str, Any]) -> str:
     parts = []
     for which, told in naming.items():
         parts.append(
-            f"by {which}: {told['first']} of {told['held_out']} at the first guess, {told['among_three']} among "
-            f"three, and {told['unknown']} of {told['orphans']} mistakes whose own signature was taken away "
-            "are called unknown"
+            f"by {which}: {told['first']} of {told['held_out']} at the first guess, {told['among_three']} "
+            f"among three, and {told['unknown']} of {told['orphans']} mistakes whose own signature was taken "
+            "away are called unknown"
         )
     return f"Naming mistakes in another form than the catalogue's: {'; '.join(parts)}."
