@@ -127,7 +127,7 @@ def guess_scene(image: Array) -> str:
 
 
 def _of_renderer(renderer: str, scenes: list[str] | None) -> Findings:
-    wanted = [references.variant(name) for name in scenes or diagnosis.scenes()]
+    wanted = [references.variant(name) for name in scenes or diagnosis.complete_scenes()]
     found = Findings()
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         for task in renderer_agenda(renderer, wanted, Path(folder), explicit=bool(scenes)).tasks:

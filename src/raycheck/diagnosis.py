@@ -118,6 +118,9 @@ def evidence(scene: str, images: Array, truth: Truth) -> Evidence:
 def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosis:
     """The likeliest mistakes over all scenes together; `without` are left out of the catalogue."""
     mistakes = {name: m for name, m in catalogue().items() if name not in without}
+    if any(one.scene not in complete_scenes() for one in found):
+        known = [set(load(one.scene).names) for one in found if one.scene not in complete_scenes()]
+        mistakes = {name: m for name, m in mistakes.items() if all(name in names for names in known)}
     names = list(mistakes)
     strengths = np.concatenate([[0.0], STRENGTHS])
     chi = np.zeros((len(names), len(strengths)))
@@ -191,7 +194,12 @@ def manifest() -> Mapping:
 
 def scenes() -> list[str]:
     """Those that have signatures."""
-    return sorted(manifest()["scenes"])
+    return list(manifest()["scenes"])
+
+
+def complete_scenes() -> list[str]:
+    """Those that have the signatures of all mistakes that show in them."""
+    return [name for name, entry in manifest()["scenes"].items() if entry["complete"]]
 
 
 def catalogue() -> dict[str, Mistake]:

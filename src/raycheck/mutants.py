@@ -10,6 +10,7 @@ build/mutants.
 import hashlib
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -99,7 +100,7 @@ OPTIONS = ("--precision", "double")
 """What a mutant's command needs: it has no other kernel."""
 
 
-MANY_SEEDS = Path(__file__).parent / "calibration/many_seeds.c"
+MANY_SEEDS = "many_seeds.o"
 
 
 def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path:
@@ -107,7 +108,7 @@ def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path
     `many-seeds`, which renders many images in one process.
     """
     base = cache / f"oneray-{_digest(None)}"
-    if not (base / "build/many-seeds").is_file():
+    if not (base / "build/libraries").is_file():
         cache.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="building-", dir=cache) as folder:
             build(None, Path(folder) / "copy")
@@ -130,7 +131,11 @@ def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path
 def _digest(mutant: Mutant | None) -> str:
     """Of the sources, the patch and how they are built."""
     digest = hashlib.sha256("\n".join(settings()).encode())
-    for path in (ROOT / "Makefile", MANY_SEEDS, *sorted((ROOT / "src/oneray").iterdir())):
+    for path in (
+        ROOT / "Makefile",
+        Path(__file__).parent / "calibration/many_seeds.c",
+        *sorted((ROOT / "src/oneray").iterdir()),
+    ):
         digest.update(path.read_bytes())
     if mutant:
         digest.update(mutant.patch.read_bytes().split(b"\n---", 1)[1])
@@ -139,32 +144,56 @@ def _digest(mutant: Mutant | None) -> str:
 
 def build(mutant: Mutant | None, folder: Path, base: Path | None = None) -> Path:
     """A copy of the sources in `folder`, patched and built; PatchError where that fails. What the patch does
-    not touch is taken from a `base` that is already built.
+    not touch is taken from a `base` that is already built, and make's commands too.
     """
     shutil.copytree(ROOT / "src/oneray", folder / "src/oneray")
     shutil.copy(ROOT / "Makefile", folder)
     touched = apply(mutant, folder) if mutant else set()
-    if base:
-        keep = [o for o in (base / "build").glob("*.o") if not _includes(folder / "src/oneray", o) & touched]
-        (folder / "build").mkdir()
-        for path in (base / "build/.settings", *keep):
-            shutil.copy(path, folder / "build")
+    if not base:
+        _make(folder)
+        base = folder
+    (folder / "build").mkdir(exist_ok=True)
+    for command in (base / "build/commands").read_text(encoding="utf-8").splitlines():
+        words = shlex.split(command)
+        if "-c" not in words:
+            continue
+        target = folder / words[words.index("-o") + 1]
+        if _includes(folder / "src/oneray", target) & touched:
+            _run(mutant, words, folder)
+        elif base is not folder:
+            target.symlink_to(base / "build" / target.name)
+    objects = [str(o) for o in sorted((folder / "build").glob("*.o")) if o.name not in ("main.o", MANY_SEEDS)]
+    libraries = (base / "build/libraries").read_text(encoding="utf-8").split()
+    for main in ("main.o", MANY_SEEDS):
+        program = folder / "build" / ("oneray" if main == "main.o" else "many-seeds")
+        first = folder / "build/main.o" if main == "main.o" else base / "build" / main
+        _run(mutant, ["cc", "-s", "-o", str(program), str(first), *objects, *libraries], folder)
+    return folder / "build/oneray"
+
+
+def _make(folder: Path) -> None:
+    """Build the sources as they are, and keep what is needed to build others: make's commands, the libraries
+    and the object of `many-seeds`.
+    """
+    variables = ["BUILD=build", *settings()]
+    command = ["make", "-s", "-B", "-n", *variables, "all"]
+    commands = _run(None, command, folder)
+    libraries = _run(None, ["pkg-config", "--libs", "expat", "OpenEXR"], folder)
+    _run(None, ["make", *variables, "all"], folder)
+    (folder / "build/commands").write_text(commands, encoding="utf-8")
+    (folder / "build/libraries").write_text(libraries + " -lm", encoding="utf-8")
+    source = Path(__file__).parent / "calibration/many_seeds.c"
+    words = ["cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", "-Isrc/oneray", "-c", str(source)]
+    _run(None, [*words, "-o", f"build/{MANY_SEEDS}"], folder)
+
+
+def _run(mutant: Mutant | None, words: list[str], folder: Path) -> str:
+    """What a command prints; PatchError with its last words where it fails."""
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
-    command = ["make", "-C", str(folder), "BUILD=build", *settings(), "all"]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    if not done.returncode:
-        objects = [str(o) for o in sorted((folder / "build").glob("*.o")) if o.name != "main.o"]
-        libraries = subprocess.run(
-            ["pkg-config", "--libs", "expat", "OpenEXR"], capture_output=True, text=True, check=False
-        ).stdout.split()
-        command = [
-            "cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", "-s", f"-I{folder / 'src/oneray'}",
-            str(MANY_SEEDS), *objects, *libraries, "-lm", "-o", str(folder / "build/many-seeds"),
-        ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, env=environment, check=False)
     if done.returncode:
         raise PatchError(f"{mutant.name if mutant else 'oneray'}: cannot be built: {done.stderr[-800:]}")
-    return folder / "build/oneray"
+    return done.stdout
 
 
 def _includes(sources: Path, compiled: Path) -> set[str]:

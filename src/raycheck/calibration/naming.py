@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from raycheck.calibration import trials
-from raycheck.calibration.signatures import Pair, pairs, read_pair
+from raycheck.calibration.signatures import COMPLETE, Pair, pairs, read_pair
 from raycheck.diagnosis import Diagnosis, Evidence, diagnose, fine_tiles
 from raycheck.mutants import Mutant
 from raycheck.tiles import region_means, region_variances
@@ -19,10 +19,10 @@ from raycheck.tiles import region_means, region_variances
 def evidence_of(
     work: Path, mutant: Mutant, wanted: Sequence[Mutant], scene: str | None = None
 ) -> list[Evidence]:
-    """Of all scenes that its technique applies to, or of one; none if nothing was rendered."""
+    """Of the complete scenes that its technique applies to, or of one; none if nothing was rendered."""
     found = []
     for pair in pairs(wanted):
-        if pair.mutant is mutant and scene in (None, pair.scene):
+        if pair.mutant is mutant and (pair.scene == scene if scene else pair.scene in COMPLETE):
             found += _evidence(work, pair)
     return found
 

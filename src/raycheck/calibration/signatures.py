@@ -35,17 +35,30 @@ class Pair:
     scene: str
 
 
+COMPLETE = (
+    "point-light", "area-light", "many-lights", "spherical-light", "open-sky", "mirror-light",
+    "mixed-material", "furnace", "cornell-box", "glass-ball",
+)  # fmt: skip
+"""Scenes that have the signatures of all mistakes that show in them; a mistake that shows best in another
+scene has one there as well.
+"""
+
+
 def scenes_of(wanted: Sequence[Mutant]) -> list[str]:
-    """The scenes that signatures are made for: all that show a mistake."""
-    return sorted({mutant.scene for mutant in wanted})
+    """The scenes that signatures are made for."""
+    return [*COMPLETE, *sorted({mutant.scene for mutant in wanted} - set(COMPLETE))]
 
 
 def pairs(wanted: Sequence[Mutant]) -> list[Pair]:
-    """Each mistake in each scene that its technique applies to."""
+    """Each mistake in each complete scene that its technique applies to, and in the one that shows it."""
     found = []
     for scene in scenes_of(wanted):
         possible = applicable(read_content(references.scene_path(scene)))
-        found += [Pair(m, scene) for m in wanted if not m.equivalent and technique(m.shows) in possible]
+        found += [
+            Pair(m, scene)
+            for m in wanted
+            if not m.equivalent and technique(m.shows) in possible and (scene in COMPLETE or scene == m.scene)
+        ]
     return found
 
 
@@ -74,17 +87,14 @@ def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
     # Variants are tests of naming: they have seeds of their own.
     key = f"signature/{pair.scene}/{bool(pair.mutant.variant)}"
     seeds = make_seeds(key, SEEDS)
-    correct = mutants.program(None)
-    shape = _shape(pair.scene)
+    none = np.zeros((0, len(fine_tiles(*_shape(pair.scene))), 3))
+    broken = right = none
     try:
-        first = [trials.Program(p, name).images(pair.scene, [(1, 1)]) for p in (program, correct)]
-        if first[0].shape != first[1].shape or np.array_equal(*first):
-            broken = right = np.zeros((0, len(fine_tiles(*shape)), 3))
-        else:
-            broken = _tile_means(program, pair.scene, name, seeds)
-            right = _correct_means(correct, pair.scene, name, seeds, work)
+        first, correct = _correct_means(pair.scene, name, seeds, work)
+        if not np.array_equal(trials.Program(program, name).images(pair.scene, [(1, 1)])[0], first):
+            broken, right = _tile_means(program, pair.scene, name, seeds), correct
     except renderers.RenderError:
-        broken = right = np.zeros((0, len(fine_tiles(*shape)), 3))
+        broken = right = none
     _save(path, broken=broken, right=right)
 
 
@@ -98,12 +108,15 @@ def _tile_means(program: Path, scene: str, name: str, seeds: Sequence[int]) -> A
     return region_means(images, fine_tiles(*_shape(scene)))
 
 
-def _correct_means(program: Path, scene: str, name: str, seeds: Sequence[int], work: Path) -> Array:
-    path = work / f"correct-{program.parent.parent.name}-{name}-{seeds[0]}@{scene}.npz"
+def _correct_means(scene: str, name: str, seeds: Sequence[int], work: Path) -> tuple[Array, Array]:
+    """A first picture by the correct program, and its tile means."""
+    program = mutants.program(None)
+    path = work / f"{program.parent.parent.name}-{name}-{seeds[0]}@{scene}.npz"
     if not path.is_file():
-        _save(path, right=_tile_means(program, scene, name, seeds))
+        first = trials.Program(program, name).images(scene, [(1, 1)])[0]
+        _save(path, first=first, right=_tile_means(program, scene, name, seeds))
     with np.load(path) as arrays:
-        return arrays["right"]
+        return arrays["first"], arrays["right"]
 
 
 def _save(path: Path, **arrays: Array) -> None:
@@ -148,7 +161,7 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
         )  # fmt: skip
         scenes[scene] = {
             "hash": references.scene_hash(references.scene_path(scene)), "mistakes": names,
-            "spp": SPP * SEEDS,
+            "spp": SPP * SEEDS, "complete": scene in COMPLETE,
         }  # fmt: skip
     listing = {
         "mistakes": {
