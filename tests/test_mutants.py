@@ -61,7 +61,7 @@ def test_a_patch_that_does_not_apply_is_told(tmp_path: Path) -> None:
 def judged(name: str) -> trials.Trial:
     mutant = CATALOGUE[name]
     program = trials.Program(mutants.program(mutant), mutant.shows)
-    return trials.try_program(program, mutant.scene, trials.load_truth(mutant.scene), spp=16)
+    return trials.try_program(program, mutant.scene, trials.load_truth(mutant.scene), spp=8)
 
 
 @pytest.mark.parametrize("name", SAMPLE)

@@ -50,8 +50,10 @@ class Mutant:
 
     @property
     def digest(self) -> str:
-        """Of what it changes."""
-        return hashlib.sha256(self.patch.read_bytes().split(b"\n---", 1)[1]).hexdigest()[:16]
+        """Of what it takes away and adds, not of what stands around it."""
+        body = self.patch.read_text(encoding="utf-8").split("\n---", 1)[1]
+        changed = [line for line in body.splitlines() if line[:1] in ("-", "+")]
+        return hashlib.sha256("\n".join(changed).encode()).hexdigest()[:16]
 
     @property
     def catalogued(self) -> bool:
