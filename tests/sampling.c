@@ -197,11 +197,11 @@ OVER_COLUMNS(scatter)
 {
     Features f = scene->features;
     Ray ray = {get_vec(b, 0), get_vec(b, 3), real(NUM_MAX), index_of(-1)};
-    const Real u[4] = {get(b, 6), get(b, 7), get(b, 8), get(b, 9)};
+    const Real u[2] = {get(b, 6), get(b, 7)};
     Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
     Mask front;
     Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
-    Scatter out = sample_material(&scene->materials, &s, u, f);
+    Scatter out = sample_material(&scene->materials, &s, get(b, 9), u, f);
     Real cosine = vec_dot(s.n, out.wi);
     put_vec(b, 0, out.wi);
     put_vec(b, 3, out.factor);
@@ -212,7 +212,7 @@ OVER_COLUMNS(scatter)
     put_vec(b, 12, eval_diffuse(&s));
     put(b, 15, pdf_w_diffuse(&s, cosine, f));
     put_vec(b, 16, factor_diffuse(&s, cosine, f));
-    put_index(b, 19, f & HAS_BLEND ? choose_layer(&scene->materials, &s, u[3]) : s.row);
+    put_index(b, 19, f & HAS_BLEND ? choose_layer(&scene->materials, &s, get(b, 9)) : s.row);
     put_mask(b, 20, hit.slot >= index_of(0));
 }
 

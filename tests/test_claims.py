@@ -313,7 +313,7 @@ def test_multiple_importance_sampling_is_never_much_worse(render, scene, name: s
     """
 
     def all_of(key: str) -> Batches:
-        return render(scene(name), [*technique(key).options, "-Ddepth=2"], 8, 5)
+        return render(scene(name), [*technique(key).options, "-Ddepth=2"], 32, 8)
 
     unbounded = read_content(scene(name)).unbounded
     balance, power = all_of("mis-balance"), all_of("mis-power")

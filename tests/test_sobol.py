@@ -21,7 +21,7 @@ from scipy import stats
 
 from raycheck.images import load_image
 
-CAMERA, BOUNCE, LIGHT = 0, 1, 2
+CAMERA, VERTEX, CHOICE = 0, 1, 2
 SOBOL = ("--sampler", "sobol")
 
 
@@ -112,7 +112,7 @@ def test_points_are_those_of_joe_and_kuo(driver: Driver) -> None:
     plain = np.zeros((4, 2**bits), dtype=np.int64)
     for d, k in product(range(4), range(bits)):
         plain[d] ^= np.where(places >> k & 1, columns[d][k], 0)
-    u = (numbers(driver, 11, 12, places, 3, LIGHT) * 2**bits).astype(np.int64)
+    u = (numbers(driver, 11, 12, places, 3, CHOICE) * 2**bits).astype(np.int64)
     ours = np.frexp(u[:, :, None] ^ u[:, None])[1].reshape(4, -1)
     theirs = np.frexp(plain[:, :, None] ^ plain[:, None])[1].reshape(4, -1)
     assert (_counts(ours) == _counts(theirs)).all()
@@ -129,7 +129,7 @@ SEEDS = np.arange(40_000)
 @pytest.mark.parametrize("sample", [0, 1, 6, 63, 2**32 + 5])
 def test_each_point_is_uniform_over_the_seeds(driver: Driver, sample: int) -> None:
     """All four numbers, and the pairs of them that a path uses as one: 16 × 16 bins."""
-    u = numbers(driver, SEEDS, 7, np.full(SEEDS.size, sample), 2, LIGHT)
+    u = numbers(driver, SEEDS, 7, np.full(SEEDS.size, sample), 2, CHOICE)
     for row in u:
         counts = np.bincount(cell(row[None], (256,)), minlength=256)
         assert chi_squared(counts, np.full(256, SEEDS.size / 256)) > LEVEL
@@ -143,7 +143,7 @@ def test_two_points_differ_as_owen_wants(driver: Driver, i: int, j: int) -> None
     """What follows the first different digit of two points of a block is independent: 8 × 8 bins. The
     variance depends on this law of pairs alone.
     """
-    a, b = (numbers(driver, SEEDS, 99, np.full(SEEDS.size, index), 1, BOUNCE) for index in (i, j))
+    a, b = (numbers(driver, SEEDS, 99, np.full(SEEDS.size, index), 1, VERTEX) for index in (i, j))
     for one, other in zip(a, b, strict=True):
         digit = np.frexp((one * 2**32).astype(np.int64) ^ (other * 2**32).astype(np.int64))[1]
         scale = 2.0 ** (33 - digit)
@@ -153,7 +153,7 @@ def test_two_points_differ_as_owen_wants(driver: Driver, i: int, j: int) -> None
         assert chi_squared(counts, np.full(64, rest.shape[1] / 64)) > LEVEL
 
 
-BLOCKS = [(5, 0, CAMERA), (5, 0, BOUNCE), (5, 0, LIGHT), (5, 1, BOUNCE), (6, 0, BOUNCE)]
+BLOCKS = [(5, 0, CAMERA), (5, 0, VERTEX), (5, 0, CHOICE), (5, 1, VERTEX), (6, 0, VERTEX)]
 
 
 def shuffled_spread(count: int) -> float:

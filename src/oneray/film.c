@@ -55,15 +55,18 @@ static void take_in(double mean[3], double deviation[3], double n, const double 
 int64_t film_reduce(const double *radiance, int level, double (*nodes)[6])
 {
     size_t count = (size_t)1 << level;
+    for (size_t i = 0; i < 3 * count; i++)
+        if (!(radiance[i] >= 0 && radiance[i] <= DBL_MAX))
+            return (int64_t)(i / 3);
+    count -= count / 2;
     for (size_t i = 0; i < count; i++)
         for (size_t c = 0; c < 3; c++) {
-            double value = radiance[3 * i + c];
-            if (!(value >= 0 && value <= DBL_MAX))
-                return (int64_t)i;
-            nodes[i][c] = value;
-            nodes[i][3 + c] = 0;
+            const double *a = radiance + 6 * i + c;
+            double difference = level ? a[3] - a[0] : 0;
+            nodes[i][c] = level ? a[0] + a[3] : a[0];
+            nodes[i][3 + c] = difference * difference * 0.5;
         }
-    for (double half_over_n = 0.5; count > 1; half_over_n /= 2) {
+    for (double half_over_n = 0.25; count > 1; half_over_n /= 2) {
         count /= 2;
         for (size_t i = 0; i < count; i++)
             join_equal(nodes[i], nodes[2 * i], nodes[2 * i + 1], half_over_n);

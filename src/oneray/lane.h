@@ -33,6 +33,8 @@ typedef uint32_t Word;
 #define VECTOR_SQRT(prefix) prefix##_sqrt_ps
 #define VECTOR_BITS(prefix) prefix##_movemask_ps
 #define VECTOR_BLEND(prefix) prefix##_blendv_ps
+#define VECTOR_MIN(prefix) prefix##_min_ps
+#define VECTOR_MAX(prefix) prefix##_max_ps
 #define MASK_BITS_512 _mm512_movepi32_mask
 #else
 typedef double Num;
@@ -44,12 +46,21 @@ typedef uint64_t Word;
 #define VECTOR_SQRT(prefix) prefix##_sqrt_pd
 #define VECTOR_BITS(prefix) prefix##_movemask_pd
 #define VECTOR_BLEND(prefix) prefix##_blendv_pd
+#define VECTOR_MIN(prefix) prefix##_min_pd
+#define VECTOR_MAX(prefix) prefix##_max_pd
 #define MASK_BITS_512 _mm512_movepi64_mask
 #endif
 #define VECTOR_BYTES (LANES * NUM_BYTES)
 #define SIGN_BIT ((uint64_t)1 << (8 * NUM_BYTES - 1))
 
 #define INLINE static inline __attribute__((always_inline, unused))
+
+/* Before a short loop whose counter is to be a constant. */
+#ifdef __clang__
+#define UNROLLED _Pragma("unroll")
+#else
+#define UNROLLED _Pragma("GCC unroll 8")
+#endif
 
 /* A larger step: part of each specialised instance, where the feature mask is a constant and what it lacks folds
    away; in the generic kernel a function that all calls share. */
@@ -77,33 +88,23 @@ typedef Index Mask;
 INLINE Bits real_bits(Real a) { Bits b; memcpy(&b, &a, sizeof b); return b; }
 INLINE Real bits_real(Bits a) { Real b; memcpy(&b, &a, sizeof b); return b; }
 
+/* As often as there are lanes; written out, the compiler loads it once. */
+#if LANES == 1
+#define EACH(a) (a)
+#elif LANES == 2
+#define EACH(a) {a, a}
+#elif LANES == 4
+#define EACH(a) {a, a, a, a}
+#elif LANES == 8
+#define EACH(a) {a, a, a, a, a, a, a, a}
+#else
+#define EACH(a) {a, a, a, a, a, a, a, a, a, a, a, a, a, a, a, a}
+#endif
+
 /* The same number in every lane. */
-INLINE Real real(double a)
-{
-#if LANES == 1
-    return (Num)a;
-#else
-    return (Real){0} + (Num)a;
-#endif
-}
-
-INLINE Index index_of(int64_t a)
-{
-#if LANES == 1
-    return (Int)a;
-#else
-    return (Index){0} + (Int)a;
-#endif
-}
-
-INLINE Bits bits_of(uint64_t a)
-{
-#if LANES == 1
-    return (Word)a;
-#else
-    return (Bits){0} + (Word)a;
-#endif
-}
+INLINE Real real(double a) { Real all = EACH((Num)a); return all; }
+INLINE Index index_of(int64_t a) { Index all = EACH((Int)a); return all; }
+INLINE Bits bits_of(uint64_t a) { Bits all = EACH((Word)a); return all; }
 
 /* The product of the low halves of each 64 bits: one instruction where there is one, which the compiler does not
    find by itself. */
@@ -119,6 +120,18 @@ INLINE Pairs multiply_halves(Pairs a, Pairs b)
     return (Pairs)_mm_mul_epu32((__m128i)a, (__m128i)b);
 #else
     return (a & 0xFFFFFFFFu) * (b & 0xFFFFFFFFu);
+#endif
+}
+#endif
+
+/* The high halves of a, the low halves of b. */
+#if LANES > 1
+INLINE Pairs odd_halves(Pairs a, Pairs b)
+{
+#if VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Pairs)_mm256_blend_epi32((__m256i)b, (__m256i)a, 0xAA);
+#else
+    return (a & ~(uint64_t)0xFFFFFFFFu) | (b & 0xFFFFFFFFu);
 #endif
 }
 #endif
@@ -189,8 +202,23 @@ INLINE int lowest_lane(unsigned bits) { return __builtin_ctz(bits); }
 INLINE Mask and_not(Mask a, Mask b) { return a & mask_not(b); }              /* a and not b */
 INLINE Real only(Mask m, Real a) { return select(m, a, real(0)); }           /* a, or 0 where not m */
 
-INLINE Real real_min(Real a, Real b) { return select(a < b, a, b); }
-INLINE Real real_max(Real a, Real b) { return select(a > b, a, b); }
+/* b where either is nan. */
+INLINE Real real_min(Real a, Real b)
+{
+#if LANES > 1 && VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)VECTOR_MIN(_mm256)(a, b);
+#else
+    return select(a < b, a, b);
+#endif
+}
+INLINE Real real_max(Real a, Real b)
+{
+#if LANES > 1 && VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)VECTOR_MAX(_mm256)(a, b);
+#else
+    return select(a > b, a, b);
+#endif
+}
 INLINE Real real_abs(Real a) { return bits_real(real_bits(a) & ~bits_of(SIGN_BIT)); }
 
 /* a with its sign flipped where b is negative (or -0). */
@@ -239,6 +267,35 @@ INLINE Index gather_index(const Int *table, Index i)
     for (int lane = 0; lane < LANES; lane++)
         a[lane] = table[i[lane]];
     return a;
+#endif
+}
+
+/* Four numbers in a row of a table, from table[at] on, for each lane. Reads all four also where fewer are used:
+   tables have room for it at their end. */
+INLINE void gather_four(const Num *table, Index at, Real out[4])
+{
+#if defined(SINGLE) && LANES == 8 && defined(__AVX2__)
+#define ROWS(k) _mm256_loadu2_m128(table + at[k + 4], table + at[k])
+    __m256 row_0 = ROWS(0), row_1 = ROWS(1), row_2 = ROWS(2), row_3 = ROWS(3);
+#undef ROWS
+    __m256 a = _mm256_unpacklo_ps(row_0, row_1), b = _mm256_unpacklo_ps(row_2, row_3);
+    __m256 c = _mm256_unpackhi_ps(row_0, row_1), d = _mm256_unpackhi_ps(row_2, row_3);
+    out[0] = (Real)_mm256_shuffle_ps(a, b, 0x44);
+    out[1] = (Real)_mm256_shuffle_ps(a, b, 0xEE);
+    out[2] = (Real)_mm256_shuffle_ps(c, d, 0x44);
+    out[3] = (Real)_mm256_shuffle_ps(c, d, 0xEE);
+#elif !defined(SINGLE) && LANES == 4 && defined(__AVX2__)
+    __m256d row_0 = _mm256_loadu_pd(table + at[0]), row_1 = _mm256_loadu_pd(table + at[1]);
+    __m256d row_2 = _mm256_loadu_pd(table + at[2]), row_3 = _mm256_loadu_pd(table + at[3]);
+    __m256d a = _mm256_unpacklo_pd(row_0, row_1), b = _mm256_unpacklo_pd(row_2, row_3);
+    __m256d c = _mm256_unpackhi_pd(row_0, row_1), d = _mm256_unpackhi_pd(row_2, row_3);
+    out[0] = (Real)_mm256_permute2f128_pd(a, b, 0x20);
+    out[1] = (Real)_mm256_permute2f128_pd(c, d, 0x20);
+    out[2] = (Real)_mm256_permute2f128_pd(a, b, 0x31);
+    out[3] = (Real)_mm256_permute2f128_pd(c, d, 0x31);
+#else
+    for (int k = 0; k < 4; k++)
+        out[k] = gather(table + k, at);
 #endif
 }
 

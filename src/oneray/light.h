@@ -29,7 +29,7 @@ enum {
     NODE_POWER = 10, /* Φ/π of lights at a place, W·sr⁻¹ */
     NODE_FAR = 11,   /* irradiance of lights without a place, W·m⁻² */
     NODE_COUNT = 12, /* lights below */
-    NODE_NUMBERS = 13
+    NODE_NUMBERS = 16 /* in fours */
 };
 enum { LEARNED_NODES = 127 }; /* those nodes, the uppermost, have a learned visibility */
 
@@ -44,6 +44,18 @@ typedef struct {
     Int size[3];
 } LightTree;
 
+/* A rectangle in units of its longer half side M. */
+enum {
+    PANEL_X = 0,
+    PANEL_Y = 1, /* its half sides */
+    PANEL_INVERSE_X = 2,
+    PANEL_INVERSE_Y = 3,
+    PANEL_ALONG_X = 4,
+    PANEL_ALONG_Y = 5, /* from what a vector has along edge_x, edge_y (m²) */
+    PANEL_SCALE = 6,   /* 1/M, m⁻¹ */
+    PANEL_NUMBERS = 8
+};
+
 typedef struct {
     int count;
     Int *site;          /* Site, by light, as all below */
@@ -52,7 +64,7 @@ typedef struct {
     Num (*edge_x)[3],
         (*edge_y)[3];        /* flat: half the sides, of a triangle two sides from one corner; edge_x of a spot or directional light: its direction */
     Num (*normal)[3];        /* flat: unit normal of the side that shines */
-    Num (*half)[2];          /* lengths of edge_x and edge_y of a rectangle with right angles, else 0 */
+    Num (*panel)[8];         /* PANEL_*: of a rectangle with right angles, else 0 */
     Num *radius;             /* sphere, negative where it shines inwards */
     Num *cutoff, *beam;      /* spot: angles, radians */
     Num *area;               /* m²; 1 where there is none */
@@ -125,14 +137,15 @@ INLINE SphereView view_sphere(const Lights *lights, Index i, const Receiver *at,
 }
 
 /* L5 A rectangle as the point sees it, for sampling it uniformly by solid angle: Ureña, Fajardo, King, An
-   Area-Preserving Parametrization for Spherical Rectangles, EGSR 2013. In its own axes around the point it
-   spans x0 … x1, y0 … y1 at height z < 0. Where it looks small, or nearly edge-on, its area serves as well
-   and loses no digits: that is decided here, once, for sampling and density. */
+   Area-Preserving Parametrization for Spherical Rectangles, EGSR 2013. In its own axes around the point, in units
+   of its longer half side, it spans x0 … x1, y0 … y1 at height -z. Where it looks small, or nearly edge-on, its
+   area serves as well and loses no digits: that is decided here, once, for sampling and density. */
 typedef struct {
     Mask serves;
     Real x0, x1, y0, y1, z;
-    Real b0, b1, k;
+    Real re, im;      /* of a complex number whose argument is the sum of the angles at the corners with x0 */
     Real solid_angle; /* sr */
+    Real center_x, center_y, inverse_x, inverse_y; /* of the rectangle; over its half sides */
 } RectangleView;
 
 #define RECTANGLE_NEAR 4.0 /* (distance / half diagonal)² beyond which it looks small */
@@ -142,58 +155,67 @@ typedef struct {
 #define LEAST_SOLID_ANGLE 1e-4
 #endif
 
-/* The sum of the two angles in [0, π] whose cosines these are, by one arctangent: the argument of the product
-   of two complex numbers. It is beyond π where the cosines' sum is negative, up to 2π, where the sine is 0. */
-INLINE Real angle_of_cosines(Real a, Real b)
+/* The solid angle is the excess of the four angles over 2π. Each has its cosine from the two edges that meet,
+   as -n·n' of their planes' normals, and is the argument of ∓xy + i z r at a corner (x, y) at distance r: Ureña's
+   four arccosines in one argument of a product, whose imaginary part keeps its digits as z goes to 0. */
+INLINE void see_rectangle(RectangleView *view)
 {
-    Real sine_a = real_sqrt(real_max((real(1) - a) * (real(1) + a), real(0)));
-    Real sine_b = real_sqrt(real_max((real(1) - b) * (real(1) + b), real(0)));
-    Real y = sine_a * b + a * sine_b, angle = angle_of(real_abs(y), a * b - sine_a * sine_b);
-    return select(a + b < real(0), real(2) * REAL_PI - angle, angle);
+    Real x0 = view->x0, x1 = view->x1, y0 = view->y0, y1 = view->y1, z = view->z, zz = z * z;
+    Real near_y0 = y0 * y0 + zz, near_y1 = y1 * y1 + zz, yy = y0 * y1;
+    Real r00 = real_sqrt(x0 * x0 + near_y0), r01 = real_sqrt(x0 * x0 + near_y1);
+    Real r10 = real_sqrt(x1 * x1 + near_y0), r11 = real_sqrt(x1 * x1 + near_y1);
+    view->re = -(x0 * x0 * yy + zz * r01 * r00), view->im = z * (x0 * (y1 * r00 - y0 * r01));
+    Real re_1 = -(x1 * x1 * yy + zz * r10 * r11), im_1 = z * (x1 * (y0 * r11 - y1 * r10));
+    Real re = view->re * re_1 - view->im * im_1, im = view->re * im_1 + view->im * re_1;
+    Real angle = angle_of(real_abs(im), re);
+    Mask below = (x0 <= real(0)) & (x1 >= real(0)) & (y0 <= real(0)) & (y1 >= real(0)); /* beyond π only there */
+    Real beyond = only(below | (re < real(0)), select(below, real(2) * REAL_PI - angle, angle));
+    view->solid_angle = select((im > real(0)) | (and_not(im == real(0), below)), angle, beyond);
 }
 
 STAGE RectangleView view_rectangle(const Lights *lights, Index i, const Receiver *at, Features f)
 {
     RectangleView view;
-    const Num *half = &lights->half[0][0];
-    Real half_x = f & HAS_MANY_LIGHTS ? gather(half, i * 2) : real(half[0]);
-    Real half_y = f & HAS_MANY_LIGHTS ? gather(half + 1, i * 2) : real(half[1]);
-    Vec to_center = vec_sub(vec_of_light(lights->position, i, f), at->p);
-    view.serves = (half_x > real(0))
-                  & (vec_dot(to_center, to_center) < real(RECTANGLE_NEAR) * (half_x * half_x + half_y * half_y));
+    Real panel[PANEL_NUMBERS];
+    if (f & HAS_MANY_LIGHTS) {
+        gather_four(lights->panel[0], i * PANEL_NUMBERS, panel);
+        gather_four(lights->panel[0] + 4, i * PANEL_NUMBERS, panel + 4);
+    }
+#define PANEL(k) (f & HAS_MANY_LIGHTS ? panel[k] : real(lights->panel[0][k]))
+    Real half_x = PANEL(PANEL_X), half_y = PANEL(PANEL_Y), scale = PANEL(PANEL_SCALE);
+    Vec to_center = vec_sub(vec_of_light(lights->position, i, f), at->p), d = vec_scale(to_center, scale);
+    view.serves =
+        (half_x > real(0)) & (vec_dot(d, d) < real(RECTANGLE_NEAR) * (half_x * half_x + half_y * half_y));
     if (!any(view.serves))
         return view;
-    Real x = vec_dot(to_center, vec_of_light(lights->edge_x, i, f)) / half_x;
-    Real y = vec_dot(to_center, vec_of_light(lights->edge_y, i, f)) / half_y;
-    view.z = -real_abs(vec_dot(to_center, vec_of_light(lights->normal, i, f)));
-    view.x0 = x - half_x, view.x1 = x + half_x;
-    view.y0 = y - half_y, view.y1 = y + half_y;
-    Real zz = view.z * view.z;
-    Real n0 = -view.y0 / real_sqrt(zz + view.y0 * view.y0), n1 = view.x1 / real_sqrt(zz + view.x1 * view.x1);
-    Real n2 = view.y1 / real_sqrt(zz + view.y1 * view.y1), n3 = -view.x0 / real_sqrt(zz + view.x0 * view.x0);
-    view.b0 = n0, view.b1 = n2;
-    view.k = real(2) * REAL_PI - angle_of_cosines(-n2 * n3, -n3 * n0);
-    view.solid_angle = angle_of_cosines(-n0 * n1, -n1 * n2) - view.k;
+    view.center_x = vec_dot(to_center, vec_of_light(lights->edge_x, i, f)) * PANEL(PANEL_ALONG_X);
+    view.center_y = vec_dot(to_center, vec_of_light(lights->edge_y, i, f)) * PANEL(PANEL_ALONG_Y);
+    view.inverse_x = PANEL(PANEL_INVERSE_X), view.inverse_y = PANEL(PANEL_INVERSE_Y);
+#undef PANEL
+    view.x0 = view.center_x - half_x, view.x1 = view.center_x + half_x;
+    view.y0 = view.center_y - half_y, view.y1 = view.center_y + half_y;
+    view.z = real_abs(vec_dot(d, vec_of_light(lights->normal, i, f)));
+    see_rectangle(&view);
     view.serves &= view.solid_angle > real(LEAST_SOLID_ANGLE);
     return view;
 }
 
-/* The point of the rectangle for (u, v): its x from the spherical excess u Ω, its y along the arc there. */
+/* The point of the rectangle for (u, v): its x from the spherical excess u Ω, its y along the arc there. Ureña's
+   f_u, with the root of its denominator taken out: F = f_u √(y0² + z²), x = z √((y0² + z²)/(F² - z²)). */
 INLINE void sample_spherical_rectangle(const RectangleView *view, Real u, Real v, Real *x, Real *y)
 {
-    Real sine, cosine, turn = (u * view->solid_angle + view->k) * (real(0.5) * REAL_INV_PI);
-    sincos_turn(turn, &sine, &cosine);
-    Real fu = (cosine * view->b0 - view->b1) / sine;
-    Real cu = flip_sign(real(1) / real_sqrt(fu * fu + view->b0 * view->b0), fu);
-    cu = real_max(real_min(cu, real(1)), real(-1));
-    Real xu = -cu * view->z / real_sqrt((real(1) - cu) * (real(1) + cu));
+    Real sine, cosine, zz = view->z * view->z, y0 = view->y0, y1 = view->y1;
+    sincos_turn(u * view->solid_angle * (real(0.5) * REAL_INV_PI), &sine, &cosine);
+    Real near_x0 = view->x0 * view->x0 + zz, near_y0 = y0 * y0 + zz;
+    Real across = sine * view->re - cosine * view->im, along = cosine * view->re + sine * view->im;
+    Real excess = -(y0 * along + y1 * near_x0 * near_y0) / across, size = real_abs(excess);
+    Real flatness = real_max((size - view->z) * (size + view->z), real(0));
+    Real xu = flip_sign(view->z * real_sqrt(near_y0 / flatness), excess);
     *x = real_max(real_min(xu, view->x1), view->x0);
-    Real d = real_sqrt(*x * *x + view->z * view->z);
-    Real h0 = view->y0 / real_sqrt(d * d + view->y0 * view->y0);
-    Real h1 = view->y1 / real_sqrt(d * d + view->y1 * view->y1);
-    Real h = h0 + v * (h1 - h0);
-    Real yv = h * d / real_sqrt((real(1) - h) * (real(1) + h));
-    *y = real_max(real_min(yv, view->y1), view->y0);
+    Real dd = *x * *x + zz, r0 = real_sqrt(dd + y0 * y0), r1 = real_sqrt(dd + y1 * y1);
+    Real h = y0 * r1 + v * (y1 * r0 - y0 * r1), r = r0 * r1;
+    Real yv = h * real_sqrt(dd / ((r - h) * (r + h)));
+    *y = real_max(real_min(yv, y1), y0);
 }
 
 INLINE Vec point_of_rectangle(
@@ -201,23 +223,22 @@ INLINE Vec point_of_rectangle(
 {
     Real x, y;
     sample_spherical_rectangle(view, u, v, &x, &y);
-    Real half_x = real(0.5) * (view->x1 - view->x0), half_y = real(0.5) * (view->y1 - view->y0);
-    x = (x - (view->x0 + half_x)) / half_x;
-    y = (y - (view->y0 + half_y)) / half_y;
+    x = (x - view->center_x) * view->inverse_x;
+    y = (y - view->center_y) * view->inverse_y;
     return vec_add(vec_of_light(lights->position, i, f),
         vec_add(vec_scale(vec_of_light(lights->edge_x, i, f), x),
             vec_scale(vec_of_light(lights->edge_y, i, f), y)));
 }
 
-/* 1/pdf_w (sr) of the direction to a point of light i, given that light i was chosen; distance and cosine are
-   those of the point on the light. The one place where densities on lights become densities of directions:
+/* 1/pdf_w (sr) of the direction to a point of light i, given that light i was chosen; 1/d² and cosine are those
+   of the point on the light. The one place where densities on lights become densities of directions:
    sampling a light and weighing a light that was hit both call it.
    By area, pdf_w = 1/A · d²/cosθ_light; the facing half of a sphere has half the area; a cone 2π(1 -
    cosθmax); a rectangle its solid angle. */
-INLINE Real inverse_pdf_w_point(const Lights *lights, Index i, Real distance_squared, Real cosine,
+INLINE Real inverse_pdf_w_point(const Lights *lights, Index i, Real inverse_dd, Real cosine,
     const SphereView *sphere, const RectangleView *rectangle, Features f)
 {
-    Real inverse = of_light(lights->area, i, f) * cosine / distance_squared;
+    Real inverse = of_light(lights->area, i, f) * cosine * inverse_dd;
     if (f & USE_FACING)
         inverse = select(sphere->outside, real(0.5) * inverse, inverse);
     if (f & USE_CONE)
@@ -237,7 +258,7 @@ STAGE Real inverse_pdf_w_hit(
         sphere = view_sphere(lights, i, at, f);
     if (f & USE_SOLID_ANGLE)
         rectangle = view_rectangle(lights, i, at, f);
-    return inverse_pdf_w_point(lights, i, distance * distance, cosine, &sphere, &rectangle, f);
+    return inverse_pdf_w_point(lights, i, real(1) / (distance * distance), cosine, &sphere, &rectangle, f);
 }
 
 /* L2, L3, L5 A uniform point of a flat light or a sphere, and the normal there. */
@@ -341,11 +362,11 @@ INLINE void sample_near_light(
             point = vec_select(rectangle.serves, point_of_rectangle(lights, i, &rectangle, u, v, f), point);
     }
     Vec delta = vec_sub(point, at->p);
-    Real distance_squared = vec_dot(delta, delta);
-    s->distance = real_sqrt(distance_squared);
-    s->wi = vec_scale(delta, real(1) / s->distance);
+    s->distance = vec_length(delta);
+    Real inverse_d = real(1) / s->distance, inverse_dd = inverse_d * inverse_d;
+    s->wi = vec_scale(delta, inverse_d);
     Real cosine = -vec_dot(normal, s->wi);
-    Real inverse = inverse_pdf_w_point(lights, i, distance_squared, cosine, &sphere, &rectangle, f);
+    Real inverse = inverse_pdf_w_point(lights, i, inverse_dd, cosine, &sphere, &rectangle, f);
     Mask shines = area & (cosine > real(0));
     if (f & (HAS_FLAT_LIGHT | HAS_TRIANGLE_LIGHT)) { /* none sees itself, however its cosine is rounded */
         Mask itself = index_of_light(lights->slot, i, f) == at->slot;
@@ -358,7 +379,7 @@ INLINE void sample_near_light(
         shines = index_select(sphere.outside, of_light(lights->radius, i, f) > real(0), shines);
     }
     s->inverse_pdf_w = only(shines, inverse);
-    s->weight = vec_all(select(area, s->inverse_pdf_w, real(1) / distance_squared));
+    s->weight = vec_all(select(area, s->inverse_pdf_w, inverse_dd));
     if (f & HAS_SPOT)
         s->weight = vec_scale(s->weight, falloff_of(lights, i, s->wi, f));
 }

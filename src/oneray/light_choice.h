@@ -17,25 +17,29 @@
    that is less a share of the best that the node's ball and cone allow. It is 0 only where both facts are
    certain: below the receiver's horizon, or behind every normal. After Conty Estévez & Kulla, Importance
    Sampling of Many Lights with Adaptive Tree Splitting, HPG 2018, who take the best itself: near a node the
-   true contributions are far below it. */
-STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at)
+   true contributions are far below it. `count` gets the number of those lights. */
+STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at, Real *count)
 {
     const Num *first = tree->nodes;
     Index row = node * NODE_NUMBERS;
-#define NODE(what) gather(first + (what), row)
-    Vec to_center = vec_sub(vec(NODE(NODE_CENTER), NODE(NODE_CENTER + 1), NODE(NODE_CENTER + 2)), at->p);
-    Vec axis = vec(NODE(NODE_AXIS), NODE(NODE_AXIS + 1), NODE(NODE_AXIS + 2));
-    Real radius = NODE(NODE_RADIUS), cone = NODE(NODE_COS), sine = NODE(NODE_SIN);
+    Real of[NODE_NUMBERS];
+    gather_four(first, row, of);
+    gather_four(first + 4, row, of + 4);
+    gather_four(first + 8, row, of + 8);
+    gather_four(first + 12, row, of + 12);
+    Vec to_center = vec_sub(vec(of[NODE_CENTER], of[NODE_CENTER + 1], of[NODE_CENTER + 2]), at->p);
+    Vec axis = vec(of[NODE_AXIS], of[NODE_AXIS + 1], of[NODE_AXIS + 2]);
+    Real radius = of[NODE_RADIUS], cone = of[NODE_COS], sine = of[NODE_SIN];
     Real dd = vec_dot(to_center, to_center), along = -vec_dot(axis, to_center); /* d cosθ: to the cone's axis */
     Real across = real_sqrt(real_max(dd - along * along, real(0)));
     Mask within = along * sine > across * cone;
     Real d_cos_i = vec_dot(at->n, to_center);
     Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
     d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
-    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + NODE(NODE_SLACK), real(0)));
+    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + of[NODE_SLACK], real(0)));
     Real nearness = real(1) / real_max(dd + real(SPREAD) * radius * radius, real(NEAREST));
-    return NODE(NODE_FAR) + NODE(NODE_POWER) * (d_cos_i * nearness) * (d_cos_o * nearness);
-#undef NODE
+    *count = of[NODE_COUNT];
+    return of[NODE_FAR] + of[NODE_POWER] * (d_cos_i * nearness) * (d_cos_o * nearness);
 }
 
 /* L18 The region of space that a point lies in. */
@@ -73,14 +77,13 @@ STAGE Real walk_tree(
         region = region_of(tree, at->p);
     for (Mask inner = child >= 0; any(inner); inner = child >= 0) {
         Index first = index_select(inner, child, index_of(1));
-        Real a = node_importance(tree, first, at), b = node_importance(tree, first + 1, at);
+        Real count_a, count_b;
+        Real a = node_importance(tree, first, at, &count_a), b = node_importance(tree, first + 1, at, &count_b);
         if ((f & USE_LEARNED) && tree->visible) {
             a = a * learned_visibility(tree, region, first);
             b = b * learned_visibility(tree, region, first + 1);
         }
         Mask none = a + b <= real(0); /* nothing to gain below: any choice is valid */
-        Real count_a = gather(tree->nodes + NODE_COUNT, first * NODE_NUMBERS);
-        Real count_b = gather(tree->nodes + NODE_COUNT, (first + 1) * NODE_NUMBERS);
         count_a = only((a > real(0)) | none, count_a);
         count_b = only((b > real(0)) | none, count_b);
         Real by_contribution = select(none, real(0.5), a / (a + b)), counted = count_a / (count_a + count_b);
@@ -132,12 +135,13 @@ STAGE Real inverse_choice_of(const Lights *lights, const Receiver *at, Index i, 
         &light, f);
 }
 
-/* One ray to one light: u[0], u[3] choose the light, u[1], u[2] the point on it. */
-INLINE LightSample sample_light(const Lights *lights, const Receiver *at, const Real u[4], Features f)
+/* One ray to one light. */
+INLINE LightSample sample_light(
+    const Lights *lights, const Receiver *at, const Real choice[2], const Real point[2], Features f)
 {
     Real inverse_choice;
-    Index i = choose_light(lights, at, u[0], u[3], &inverse_choice, f);
-    return sample_light_point(lights, i, inverse_choice, at, u[1], u[2], f);
+    Index i = choose_light(lights, at, choice[0], choice[1], &inverse_choice, f);
+    return sample_light_point(lights, i, inverse_choice, at, point[0], point[1], f);
 }
 
 /* L13 Multiple importance sampling: the weight of a direction that was sampled by way of the light, given the

@@ -10,11 +10,11 @@
 
 /* A ray from an area light: a uniform point, a direction by the cosine; flux L π A. */
 INLINE void emit_area(
-    const Lights *lights, Index i, const Real place[4], const Real way[4], Start *start, Features f)
+    const Lights *lights, Index i, const Real place[2], const Real way[2], Start *start, Features f)
 {
     Vec point = start->ray.o, normal = start->ray.d;
     Mask area = index_of_light(lights->slot, i, f) >= 0;
-    sample_area(lights, i, place[1], place[2], &point, &normal, f);
+    sample_area(lights, i, place[0], place[1], &point, &normal, f);
     Vec d = vec_from_frame(normal, sample_hemisphere_cosine(way[0], way[1]));
     start->ray.o = vec_select(area, point, start->ray.o);
     start->ray.d = vec_select(area, d, start->ray.d);
@@ -25,7 +25,7 @@ INLINE void emit_area(
 
 /* A ray from a point light, flux 4π I, or from a spot, uniform in its cone, flux 2π (1 - cos cutoff) I
    falloff. */
-INLINE void emit_point(const Lights *lights, Index i, const Real way[4], Start *start, Features f)
+INLINE void emit_point(const Lights *lights, Index i, const Real way[2], Start *start, Features f)
 {
     Mask point = light_is(lights, SITE_POINT, i, f), spot = light_is(lights, SITE_SPOT, i, f);
     Vec d = sample_sphere(way[0], way[1]);
@@ -46,14 +46,14 @@ INLINE void emit_point(const Lights *lights, Index i, const Real way[4], Start *
 /* A ray from far away: through a uniform point of the disk across it that the scene's ball casts, flux E π R²,
    for the environment from a uniform direction, flux 4π L π R². */
 INLINE void emit_far(
-    const Lights *lights, Index i, const Real place[4], const Real way[4], Start *start, Features f)
+    const Lights *lights, Index i, const Real place[2], const Real way[2], Start *start, Features f)
 {
     Mask sun = light_is(lights, SITE_DIRECTIONAL, i, f), sky = light_is(lights, SITE_CONSTANT, i, f);
     Real x, y, radius = real(lights->world_radius);
     Vec d = sample_sphere(way[0], way[1]);
     if (f & HAS_DIRECTIONAL)
         d = vec_select(sun, vec_of_light(lights->edge_x, i, f), d);
-    sample_disk(place[1], place[2], &x, &y);
+    sample_disk(place[0], place[1], &x, &y);
     Vec across = vec_from_frame(d, vec(x * radius, y * radius, -radius));
     Real flux = REAL_PI * radius * radius;
     flux = select(sky, flux / pdf_w_sphere(), flux);
@@ -66,18 +66,20 @@ INLINE void emit_far(
 STAGE void start_at_light(Start *start, const Scene *scene, Features f)
 {
     const Lights *lights = &scene->lights;
-    Uniforms place = random_block(&start->rng, index_of(0), DIMENSION_LIGHT, f);
-    Uniforms way = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
+    Uniforms random = random_block(&start->rng, index_of(0), DIMENSION_EMITTER, f);
+    Uniforms choice = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
+    const Real *place = random.u, *way = random.u + 2;
     Real inverse_choice;
-    Index i = choose_light(lights, NULL, place.u[0], place.u[3], &inverse_choice, f);
+    Index i = choose_light(lights, NULL, choice.u[0], choice.u[1], &inverse_choice, f);
+    start->roulette = choice.u[2];
     start->ray = (Ray){vec_all(real(0)), vec_all(real(1)), real(NUM_MAX), index_of(-1)};
     start->flux = vec_all(real(0));
     if (f & HAS_AREA)
-        emit_area(lights, i, place.u, way.u, start, f);
+        emit_area(lights, i, place, way, start, f);
     if (f & (HAS_POINT | HAS_SPOT))
-        emit_point(lights, i, way.u, start, f);
+        emit_point(lights, i, way, start, f);
     if (f & (HAS_DIRECTIONAL | HAS_CONSTANT))
-        emit_far(lights, i, place.u, way.u, start, f);
+        emit_far(lights, i, place, way, start, f);
     start->flux = vec_scale(vec_mul(start->flux, vec_of_light(lights->emission, i, f)), inverse_choice);
 }
 
@@ -138,7 +140,8 @@ STAGE void light_step(Path *path, const Scene *scene, const size_t items[], Spla
         path->flux = vec_scale(path->flux, arriving);
     }
     join_eye(path, scene, &surface, and_not(path->alive, surface.specular), items, splats, f);
-    bounce(path, scene, &surface, f);
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
+    bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
     if (f & HAS_SMOOTH)
         path->flux = vec_scale(path->flux, face_over_shading(&surface, path->ray.d));
 }

@@ -179,8 +179,9 @@ INLINE Index choose_layer(const Materials *materials, const Surface *s, Real u)
     return row;
 }
 
-/* One direction by the material: u[0], u[1] the direction, u[3] the part of a mixed material. */
-STAGE Scatter sample_material(const Materials *materials, const Surface *s, const Real u[4], Features f)
+/* One direction by the material; `part` chooses that of a mixed one. */
+STAGE Scatter sample_material(
+    const Materials *materials, const Surface *s, Real part, const Real u[2], Features f)
 {
     Scatter scatter = {s->n, s->albedo, real(0), s->specular, real(1)};
     if (f & HAS_DIFFUSE)
@@ -191,7 +192,7 @@ STAGE Scatter sample_material(const Materials *materials, const Surface *s, cons
     Vec albedo = s->albedo;
     Mask specular = s->specular;
     if (f & HAS_BLEND) {
-        row = choose_layer(materials, s, u[3]);
+        row = choose_layer(materials, s, part);
         albedo = vec_gather((const Num(*)[3])materials->albedo, row);
         specular = gather_index(materials->kind, row) != index_of(MATERIAL_DIFFUSE);
     }

@@ -179,9 +179,10 @@ INLINE Index row_of_slot(const Shapes *shapes, Index slot, Features f)
 STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Index row, Real t, Vec *p,
     Vec *n, Vec *face, Features f)
 {
-    Vec anchor = vec_gather((const Num(*)[3])shapes->anchor, row);
-    Vec met = vec_add(ray->o, vec_scale(ray->d, t));
-    Real offset = gather(shapes->offset, row);
+    Real own[4];
+    gather_four(&shapes->anchor[0][0], row * 4, own);
+    Vec anchor = vec(own[0], own[1], own[2]), met = vec_add(ray->o, vec_scale(ray->d, t));
+    Real offset = own[3];
     *p = met;
     *n = anchor;
     if (f & (HAS_FLAT | HAS_CUBE))

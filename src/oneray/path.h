@@ -18,6 +18,7 @@ typedef struct {
     Mask alive;
     Index depth; /* vertices before the one that the ray goes to */
     Rng rng;
+    Real roulette; /* uniform in (0, 1), whatever the path has survived */
     Index rays, shadow_rays; /* how many, by lane, counted downwards where a mask is -1 */
     Mask unreachable; /* light tracing: the eye saw a surface that no light path can be joined to it at */
 } Path;
@@ -26,6 +27,7 @@ typedef struct {
 typedef struct {
     Rng rng;
     Ray ray;
+    Real roulette;
     Vec flux; /* of a light path */
 } Start;
 
@@ -33,6 +35,7 @@ STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y
 {
     Uniforms film = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
     start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1]);
+    start->roulette = film.u[2];
 }
 
 /* L12 The eye is a specular vertex: it sends no ray to the lights, so its ray must return the light that it
@@ -45,6 +48,13 @@ INLINE void path_start(Path *path, Mask fresh)
     path->specular |= fresh;
     path->alive |= fresh;
     path->depth = index_select(fresh, index_of(0), path->depth);
+}
+
+/* The numbers to choose by, where the scene gives something to choose. */
+INLINE Uniforms choices(const Path *path, Features f)
+{
+    Uniforms none = {{real(0)}};
+    return f & (HAS_MANY_LIGHTS | HAS_BLEND) ? random_block(&path->rng, path->depth, DIMENSION_CHOICE, f) : none;
 }
 
 /* What light that meets the path here counts for in its pixel. */
@@ -81,13 +91,19 @@ INLINE Real inverse_pdf_w_light(
 INLINE Vec surface_light_met(
     const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
 {
-    Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s->of);
-    Mask shines = front & (hit.slot >= 0) & path->alive & (vec_max(emission) > real(0));
+    const Lights *lights = &scene->lights;
+    Vec emission = vec_of(lights->emission[0]);
+    Mask shines = hit.slot == index_of(lights->slot[0]);
+    if (f & HAS_MANY_LIGHTS) {
+        emission = vec_gather((const Num(*)[3])lights->slot_emission, s->of);
+        shines = (hit.slot >= 0) & (vec_max(emission) > real(0));
+    }
+    shines &= front & path->alive;
     if (!any(shines))
         return vec_all(real(0));
     Index i = index_of(0);
     if (f & HAS_MANY_LIGHTS)
-        i = gather_index(scene->lights.slot_light, s->of);
+        i = gather_index(lights->slot_light, s->of);
     if ((f & HAS_MANY_LIGHTS) && (f & HAS_TRIANGLE_LIGHT)) {
         i = i + index_select(s->slot == s->of, index_of(0), s->slot);
         i = index_select(shines, i, index_of(0));
@@ -148,11 +164,11 @@ INLINE Real pdf_w_bounce(const Path *path, const Scene *scene, const Surface *s,
 
 /* L10 Next event estimation: one ray to one light, L_o ≈ (1/p_i) f_r L V A cosθi cosθo / d². L13: weighed
    where the random walk could have hit that light as well. */
-STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, Features f)
+STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, const Real choice[2],
+    const Real point[2], Features f)
 {
-    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_LIGHT, f);
     Receiver at = {s->p, s->n, s->slot};
-    LightSample sample = sample_light(&scene->lights, &at, random.u, f);
+    LightSample sample = sample_light(&scene->lights, &at, choice, point, f);
     Real cosine = vec_dot(s->n, sample.wi);
     Vec light = vec_scale(vec_mul(eval_diffuse(s), sample.weight), cosine);
     if (f & USE_MIS) {
@@ -171,11 +187,12 @@ STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask act
 }
 
 /* The random walk goes on: one ray over the hemisphere (L8, L9), or by the mirror or the glass (L11, L15). L14
-   Russian roulette: it goes on with probability q and is divided by it, E[1(u<q) X/q] = E[X]. */
-STAGE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
+   Russian roulette: it goes on with probability q and is divided by it, E[1(u<q) X/q] = E[X]. A u that was below
+   q is uniform again once divided by q: one number does for the whole path. */
+STAGE void bounce(
+    Path *path, const Scene *scene, const Surface *s, Real part, const Real direction[2], Features f)
 {
-    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_BOUNCE, f);
-    Scatter scatter = sample_material(&scene->materials, s, random.u, f);
+    Scatter scatter = sample_material(&scene->materials, s, part, direction, f);
     path->throughput = vec_mul(path->throughput, scatter.factor);
     path->pdf_w = scatter.pdf_w;
     path->specular = scatter.specular;
@@ -187,8 +204,10 @@ STAGE void bounce(Path *path, const Scene *scene, const Surface *s, Features f)
     path->alive &= vec_max(path->throughput) > real(0);
     if (f & USE_ROULETTE) {
         Real q = survival(scene, path->throughput, path->depth, f);
-        path->alive &= random.u[2] < q;
-        path->throughput = vec_scale(path->throughput, real(1) / q);
+        Real inverse_q = real(1) / q;
+        path->alive &= path->roulette < q;
+        path->roulette = path->roulette * inverse_q;
+        path->throughput = vec_scale(path->throughput, inverse_q);
         if (f & USE_SURVIVAL_PDF)
             path->pdf_w = path->pdf_w * q;
     }
@@ -217,9 +236,10 @@ STAGE void path_step(Path *path, const Scene *scene, Features f)
         path->alive &= vec_max(surface.albedo) > real(0);
     if (!any(path->alive))
         return;
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
     if (f & USE_NEE)
-        next_event(path, scene, &surface, and_not(path->alive, surface.specular), f);
-    bounce(path, scene, &surface, f);
+        next_event(path, scene, &surface, and_not(path->alive, surface.specular), choice.u, random.u, f);
+    bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
 }
 
 #endif

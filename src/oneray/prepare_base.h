@@ -10,11 +10,11 @@
 
 #define PI 3.14159265358979323846
 
-/* Room that lives as long as the scene, zeroed. */
+/* Room that lives as long as the scene, zeroed; what gather_four reads beyond the end is there. */
 static void *keep(Scene *scene, size_t count, size_t size)
 {
     scene->kept = reallocate(scene->kept, (size_t)scene->kept_count + 1, sizeof *scene->kept);
-    return scene->kept[scene->kept_count++] = allocate(count, size);
+    return scene->kept[scene->kept_count++] = allocate(count + (3 * sizeof(Num) + size - 1) / size, size);
 }
 
 static void store(Num to[3], const double from[3])

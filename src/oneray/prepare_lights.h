@@ -129,6 +129,18 @@ static void prepare_triangle_site(
     scene->shapes.shines[row] = 1;
 }
 
+static void prepare_panel(Num panel[PANEL_NUMBERS], double half_x, double half_y)
+{
+    double longer = fmax(half_x, half_y);
+    panel[PANEL_X] = (Num)(half_x / longer);
+    panel[PANEL_Y] = (Num)(half_y / longer);
+    panel[PANEL_INVERSE_X] = (Num)(longer / half_x);
+    panel[PANEL_INVERSE_Y] = (Num)(longer / half_y);
+    panel[PANEL_ALONG_X] = (Num)(1 / half_x / longer);
+    panel[PANEL_ALONG_Y] = (Num)(1 / half_y / longer);
+    panel[PANEL_SCALE] = (Num)(1 / longer);
+}
+
 /* The side of a shape that shines: where it is, its half sides, its normal, by side k. */
 static void prepare_site(Scene *scene, const Description *d, const Light *light, int i, int k, int slot)
 {
@@ -150,13 +162,11 @@ static void prepare_site(Scene *scene, const Description *d, const Light *light,
     store(lights->edge_x[i], a);
     store(lights->edge_y[i], b);
     if (shape->kind == SHAPE_SPHERE)
-        lights->radius[i] = scene->shapes.offset[slot];
+        lights->radius[i] = scene->shapes.anchor[slot][3];
     else
         memcpy(lights->normal[i], scene->shapes.anchor[slot], sizeof lights->normal[i]);
-    if (sites[shape->kind] == SITE_RECTANGLE && fabs(dot(a, b)) <= 1e-12 * length(a) * length(b)) {
-        lights->half[i][0] = (Num)length(a);
-        lights->half[i][1] = (Num)length(b);
-    }
+    if (sites[shape->kind] == SITE_RECTANGLE && fabs(dot(a, b)) <= 1e-12 * length(a) * length(b))
+        prepare_panel(lights->panel[i], length(a), length(b));
     store(lights->slot_emission[slot], light->emission);
     lights->slot_light[slot] = i;
     scene->shapes.shines[slot] = 1;
@@ -189,7 +199,7 @@ static void keep_lights(Scene *scene)
     lights->edge_x = keep(scene, n, sizeof *lights->edge_x);
     lights->edge_y = keep(scene, n, sizeof *lights->edge_y);
     lights->normal = keep(scene, n, sizeof *lights->normal);
-    lights->half = keep(scene, n, sizeof *lights->half);
+    lights->panel = keep(scene, n, sizeof *lights->panel);
     lights->radius = keep(scene, n, sizeof *lights->radius);
     lights->cutoff = keep(scene, n, sizeof *lights->cutoff);
     lights->beam = keep(scene, n, sizeof *lights->beam);

@@ -77,7 +77,7 @@ static void prepare_ball(Shapes *s, const Shape *shape, int slot)
     column(&shape->to_world, 3, axis);
     store(ball->center, axis);
     store(s->anchor[slot], axis);
-    s->offset[slot] = shape->flip_normals ? -ball->radius : ball->radius;
+    s->anchor[slot][3] = shape->flip_normals ? -ball->radius : ball->radius;
 }
 
 static void count_shapes(Shapes *s, const Description *d, int counts[SHAPE_KINDS])
@@ -98,51 +98,127 @@ static void count_shapes(Shapes *s, const Description *d, int counts[SHAPE_KINDS
     s->slot_count = s->mesh_row + counts[SHAPE_MESH];
 }
 
-/* Puts the shape into its table; returns its first slot, or a mesh's row. filled[axis] counts the aligned
-   rectangles so far. */
-static int place_shape(Shapes *s, const Shape *shape, int filled[3], int *meshes)
+/* Does the box reach to both sides of the plane n·p = offset, by more than the rounding of the numbers? */
+typedef struct {
+    bool below, above;
+} Sides;
+
+static void see_side(Sides *sides, const double normal[3], double offset, const double low[3], const double high[3])
 {
-    int axis = aligned_axis(shape), slot;
+    double center = 0, reach = 0, size = fabs(offset);
+    for (int i = 0; i < 3; i++) {
+        center += normal[i] * (0.5 * low[i] + 0.5 * high[i]);
+        reach += fabs(normal[i]) * (0.5 * high[i] - 0.5 * low[i]);
+        size = fmax(size, fmax(fabs(low[i]), fabs(high[i])));
+    }
+    sides->below |= center - reach < offset - 4 * DBL_EPSILON * size;
+    sides->above |= center + reach > offset + 4 * DBL_EPSILON * size;
+}
+
+/* Is everything that a ray to a light can start or end at on one side of the flat shape's plane? */
+static bool at_the_edge(const Description *d, const Shape *flat, double (*bounds)[2][3])
+{
+    Sides sides = {false, false};
+    double normal[3], offset, eye[3];
+    plane_of(flat, 2, 0, normal, &offset);
+    for (int i = 0; i < d->shape_count; i++)
+        if (&d->shapes[i] != flat)
+            see_side(&sides, normal, offset, bounds[i][0], bounds[i][1]);
+    for (int i = 0; i < d->light_count; i++) {
+        const Light *light = &d->lights[i];
+        if (light->kind == LIGHT_DIRECTIONAL || light->kind == LIGHT_CONSTANT)
+            return false;
+        if (light->kind != LIGHT_AREA)
+            see_side(&sides, normal, offset, light->position, light->position);
+    }
+    column(&d->sensor.to_world, 3, eye);
+    see_side(&sides, normal, offset, eye, eye);
+    return !(sides.below && sides.above);
+}
+
+/* A table of flat shapes that is being filled: from the front those that can block, from the back the others. */
+typedef struct {
+    int front, back;
+} Filling;
+
+static int next_place(Filling *filling, bool blocks) { return blocks ? filling->front++ : --filling->back; }
+
+typedef struct {
+    Filling aligned[3], rectangles, disks;
+    int meshes;
+} Fillings;
+
+/* Puts the shape into its table; returns its first slot, or a mesh's row. */
+static int place_shape(Shapes *s, const Shape *shape, bool blocks, Fillings *f)
+{
+    int axis = aligned_axis(shape), place;
     if (axis >= 0) {
-        slot = s->aligned_slot[axis] + filled[axis]++;
-        s->aligned[slot] = aligned_of(shape, axis);
-        return slot;
+        place = next_place(&f->aligned[axis], blocks);
+        s->aligned[place] = aligned_of(shape, axis);
+        return place;
     }
     switch (shape->kind) {
     case SHAPE_RECTANGLE:
-        s->rectangles[s->rectangle_count] = local_of(&shape->to_world);
-        return s->aligned_slot[3] + s->rectangle_count++;
+        place = next_place(&f->rectangles, blocks);
+        s->rectangles[place] = local_of(&shape->to_world);
+        return s->aligned_slot[3] + place;
     case SHAPE_DISK:
-        s->disks[s->disk_count] = local_of(&shape->to_world);
-        return s->disk_slot + s->disk_count++;
+        place = next_place(&f->disks, blocks);
+        s->disks[place] = local_of(&shape->to_world);
+        return s->disk_slot + place;
     case SHAPE_CUBE:
         s->cubes[s->cube_count] = local_of(&shape->to_world);
         return s->cube_slot + 6 * s->cube_count++;
-    case SHAPE_MESH: return s->mesh_row + (*meshes)++;
+    case SHAPE_MESH: return s->mesh_row + f->meshes++;
     default:
-        slot = s->sphere_slot + s->sphere_count++;
-        prepare_ball(s, shape, slot);
-        return slot;
+        place = s->sphere_slot + s->sphere_count++;
+        prepare_ball(s, shape, place);
+        return place;
     }
 }
 
-/* Fills the shape tables; first_slot[i] gets the first slot of shape i. */
+/* Places all shapes; first_slot[i] gets the first slot of shape i. */
+static void place_shapes(Scene *scene, const Description *d, int *first_slot)
+{
+    Shapes *s = &scene->shapes;
+    Fillings f = {{{0, 0}, {0, 0}, {0, 0}}, {0, s->rectangle_count}, {0, s->disk_count}, 0};
+    for (int axis = 0; axis < 3; axis++)
+        f.aligned[axis] = (Filling){s->aligned_slot[axis], s->aligned_slot[axis + 1]};
+    double(*bounds)[2][3] = allocate((size_t)d->shape_count, sizeof *bounds);
+    for (int i = 0; i < d->shape_count; i++)
+        bounds_of_shape(d, &d->shapes[i], bounds[i][0], bounds[i][1]);
+    for (int i = 0; i < d->shape_count; i++) {
+        const Shape *shape = &d->shapes[i];
+        bool flat = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_DISK;
+        bool edge = flat && !(scene->features & HAS_TREE) && at_the_edge(d, shape, bounds);
+        first_slot[i] = place_shape(s, shape, !edge, &f);
+    }
+    free(bounds);
+    for (int axis = 0; axis < 3; axis++)
+        s->aligned_blocking[axis] = f.aligned[axis].front;
+    s->rectangle_blocking = f.rectangles.front;
+    s->disk_blocking = f.disks.front;
+}
+
+/* Fills the shape tables. */
 static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
 {
     Shapes *s = &scene->shapes;
-    int counts[SHAPE_KINDS] = {0}, filled[3] = {0}, meshes = 0;
+    int counts[SHAPE_KINDS] = {0};
     count_shapes(s, d, counts);
     s->aligned = keep(scene, (size_t)s->aligned_slot[3], sizeof(Aligned));
-    s->rectangles = keep(scene, (size_t)(counts[SHAPE_RECTANGLE] - s->aligned_slot[3]), sizeof(Local));
-    s->disks = keep(scene, (size_t)counts[SHAPE_DISK], sizeof(Local));
+    s->rectangle_count = counts[SHAPE_RECTANGLE] - s->aligned_slot[3];
+    s->disk_count = counts[SHAPE_DISK];
+    s->rectangles = keep(scene, (size_t)s->rectangle_count, sizeof(Local));
+    s->disks = keep(scene, (size_t)s->disk_count, sizeof(Local));
     s->cubes = keep(scene, (size_t)counts[SHAPE_CUBE], sizeof(Local));
     s->balls = keep(scene, (size_t)counts[SHAPE_SPHERE], sizeof(Ball));
     s->anchor = keep(scene, (size_t)s->slot_count, sizeof *s->anchor);
-    s->offset = keep(scene, (size_t)s->slot_count, sizeof *s->offset);
     s->shines = keep(scene, (size_t)s->slot_count, sizeof *s->shines);
+    place_shapes(scene, d, first_slot);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
-        int slot = first_slot[i] = place_shape(s, shape, filled, &meshes);
+        int slot = first_slot[i];
         bool has_planes = shape->kind != SHAPE_SPHERE && shape->kind != SHAPE_MESH;
         for (int k = 0; has_planes && k < slots_of(shape->kind); k++) {
             int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
@@ -150,7 +226,7 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
             double normal[3], offset;
             plane_of(shape, axis, at, normal, &offset);
             store(s->anchor[slot + k], normal);
-            s->offset[slot + k] = (Num)offset;
+            s->anchor[slot + k][3] = (Num)offset;
         }
     }
     prepare_triangles(scene, d, first_slot);

@@ -49,13 +49,13 @@ static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds
             Bounds bounds = child < -1 ? of_leaf[-2 - child] : bounds_empty();
             for (int j = 0; child >= 0 && j < BVH_WIDTH; j++) {
                 const TreeNode *below = &tree->nodes[child];
-                const Num low[3] = {below->low[0][j], below->low[1][j], below->low[2][j]};
-                const Num high[3] = {below->high[0][j], below->high[1][j], below->high[2][j]};
+                const Num low[3] = {below->plane[0][j], below->plane[1][j], below->plane[2][j]};
+                const Num high[3] = {below->plane[3][j], below->plane[4][j], below->plane[5][j]};
                 bounds_join(&bounds, low, high);
             }
             for (int i = 0; i < 3; i++) {
-                node->low[i][k] = bounds.low[i];
-                node->high[i][k] = bounds.high[i];
+                node->plane[i][k] = bounds.low[i];
+                node->plane[3 + i][k] = bounds.high[i];
             }
             bounds_join(&all, bounds.low, bounds.high);
         }

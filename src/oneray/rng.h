@@ -9,8 +9,10 @@
 
 #include "vec.h"
 
-/* Which block of four numbers: the camera's, and two for each vertex of the path. */
-enum { DIMENSION_CAMERA, DIMENSION_BOUNCE, DIMENSION_LIGHT };
+/* Which block of four numbers. The camera's: the point of the film, roulette. For each vertex of the path two:
+   the point on the light, the direction of the bounce; and where there are several, which light, which part of
+   the material. For the start of a light path, beside the camera's. */
+enum { DIMENSION_EMITTER = -1, DIMENSION_CAMERA, DIMENSION_VERTEX, DIMENSION_CHOICE };
 
 typedef struct {
     Bits pixel, sample_low, sample_high;    /* 32 bits each */
@@ -36,7 +38,7 @@ INLINE void multiply_32(Bits a, uint32_t by, Bits *high, Bits *low)
 #else
     Pairs factor = (Pairs){0} + by;
     Pairs even = multiply_halves((Pairs)a, factor), odd = multiply_halves((Pairs)a >> 32, factor);
-    *high = (Bits)(even >> 32 | (odd & ~(uint64_t)LOW_32));
+    *high = (Bits)odd_halves(odd, even >> 32);
     *low = a * bits_of(by);
 #endif
 }
@@ -54,17 +56,17 @@ INLINE Real uniform_of(Bits word)
 /* Philox's four words of 32 bits for a counter (a, b, c, d). */
 STAGE void philox(Bits a, Bits b, Bits c, Bits d, const uint32_t key[2], Bits word[4])
 {
-    uint32_t key_0 = key[0], key_1 = key[1];
+    Bits key_0 = bits_of(key[0]), key_1 = bits_of(key[1]);
     for (int round = 0; round < 7; round++) {
         Bits high_a, low_a, high_c, low_c;
         multiply_32(a, 0xD2511F53u, &high_a, &low_a);
         multiply_32(c, 0xCD9E8D57u, &high_c, &low_c);
-        a = high_c ^ b ^ bits_of(key_0);
-        c = high_a ^ d ^ bits_of(key_1);
+        a = high_c ^ b ^ key_0;
+        c = high_a ^ d ^ key_1;
         b = low_c;
         d = low_a;
-        key_0 += 0x9E3779B9u;
-        key_1 += 0xBB67AE85u;
+        key_0 += bits_of(0x9E3779B9u);
+        key_1 += bits_of(0xBB67AE85u);
     }
     word[0] = a, word[1] = b, word[2] = c, word[3] = d;
 }

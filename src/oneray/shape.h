@@ -13,6 +13,12 @@
 #include "technique.h"
 #include "triangle.h"
 
+#ifdef SINGLE
+#define NEARLY_PARALLEL 1e-30
+#else
+#define NEARLY_PARALLEL 1e-240
+#endif
+
 /* World to the unit shape: local coordinate i of p is row[i][0..2]·p + row[i][3]. */
 typedef struct {
     Num row[3][4];
@@ -37,12 +43,15 @@ typedef struct {
     int aligned_slot[4], disk_slot, cube_slot, sphere_slot,
         mesh_row;     /* first slots; rectangles': aligned_slot[3] */
     int slot_count;   /* rows of the tables by slot */
+    int aligned_blocking[3], rectangle_blocking,
+        disk_blocking; /* by axis, and of the tables: end of those that can be between two points of the scene;
+                          of the others' planes, all of it lies on one side */
     Triangles triangles;
     Tree tree;              /* of the others, where they are too many for a loop */
     int32_t *slot_of_leaf;
-    Num (*anchor)[3]; /* by slot: the unit normal n of a flat primitive, the center of a sphere */
+    Num (*anchor)[4]; /* by slot: the unit normal n of a flat primitive and n·p of its plane; the center of a
+                         sphere and its radius, negative if flip_normals */
     Int *shines;      /* by slot: is there an area light, even one of no power? */
-    Num *offset;      /* by slot: n·p of the flat one's plane; radius, negative if flip_normals */
 } Shapes;
 
 typedef struct {
@@ -120,40 +129,34 @@ STAGE Stretch ball_stretch(const Ball *ball, const Ray *ray, Mask on)
     return (Stretch){-b - root, root - b, (discriminant >= real(0)) | on};
 }
 
-/* The slabs |x|, |y|, |z| <= 1 of the cube's own space. `face` gets the face entered and left by: 0 … 5 for
-   the normals +x -x +y -y +z -z. */
+/* The slabs |x|, |y|, |z| <= 1 of the cube's own space, entered at -(x/dx + 1/|dx|), left at 1/|dx| - x/dx. `faces`
+   gets the face entered and left by: 0 … 5 for the normals +x -x +y -y +z -z. A ray that starts on face `on` starts
+   exactly there, so that one that goes out of it has its far end at 0: it meets nothing. */
 typedef struct {
     Index enter, leave;
 } Faces;
 
-STAGE Stretch cube_stretch(const Local *cube, const Ray *ray, Faces *faces)
+STAGE Stretch cube_stretch(const Local *cube, const Ray *ray, Index on, Faces *faces)
 {
-    Stretch s = {real(-NUM_MAX), real(NUM_MAX), mask_all()};
-    for (int axis = 0; axis < 3; axis++) {
+    Real before = real(NUM_MAX), after = real(NUM_MAX);
+    Real side = bits_real(real_bits(real(1)) | (Bits)on << (8 * NUM_BYTES - 1));
+    UNROLLED for (int axis = 0; axis < 3; axis++) {
         Real x = row_point(cube->row[axis], ray->o), dx = row_direction(cube->row[axis], ray->d);
-        Real inverse = real(1) / dx, one = flip_sign(real(1), dx);
-        Real near = (-one - x) * inverse, far = (one - x) * inverse;
+        x = select(on >> 1 == index_of(axis), side, x);
+        dx = select(dx == real(0), real(NEARLY_PARALLEL), dx);
+        Real inverse = real(1) / dx, middle = x * inverse, half = real_abs(inverse);
+        Real enter = middle + half, leave = half - middle;
         if (faces) {
-            Index plus = index_of(2 * axis), minus = index_of(2 * axis + 1);
-            faces->enter = index_select(near > s.near, index_select(dx > real(0), minus, plus), faces->enter);
-            faces->leave = index_select(far < s.far, index_select(dx > real(0), plus, minus), faces->leave);
+            Index face = (Index)(real_bits(dx) >> (8 * NUM_BYTES - 1)) + 2 * axis;
+            faces->enter = index_select(enter < before, face, faces->enter);
+            faces->leave = index_select(leave < after, face, faces->leave);
         }
-        s.near = real_max(near, s.near);
-        s.far = real_min(far, s.far);
+        before = real_min(enter, before);
+        after = real_min(leave, after);
     }
-    s.met = s.near <= s.far;
-    return s;
-}
-
-/* Does a ray that starts on face `from` of the cube go out of it? */
-INLINE Mask cube_outward(const Local *cube, const Ray *ray, Index face)
-{
-    Mask outward = mask_none();
-    for (int f = 0; f < 6; f++) {
-        Real d = row_direction(cube->row[f / 2], ray->d);
-        outward |= (face == index_of(f)) & (f % 2 ? d < real(0) : d > real(0));
-    }
-    return outward;
+    if (faces)
+        faces->enter ^= 1;
+    return (Stretch){-before, after, -before <= after};
 }
 
 /* What the ray meets of a solid: the near side, or from inside the far one. */
@@ -173,24 +176,33 @@ typedef struct {
 
 INLINE void take_nearer(Nearest *nearest, Crossing c, Mask within, const Ray *ray, int slot)
 {
-    Mask nearer = within & (c.num > real(0)) & (c.num * nearest->den < nearest->num * c.den)
-                  & (ray->from != index_of(slot));
+    Mask nearer = within & (c.num > real(0)) & (c.num * nearest->den < nearest->num * c.den);
+    nearer = and_not(nearer, ray->from == index_of(slot));
     nearest->num = select(nearer, c.num, nearest->num);
     nearest->den = select(nearer, c.den, nearest->den);
     nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
 }
 
+/* Rectangles along the axes share one division for each axis. */
 INLINE void aligned_nearest(
     const Shapes *shapes, const Ray *ray, Mask hiding, int axis, Nearest *nearest, Features f)
 {
+    int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    Real inverse = real(1) / along(ray->d, axis);
     for (int slot = shapes->aligned_slot[axis]; slot < shapes->aligned_slot[axis + 1]; slot++) {
-        Crossing c = aligned_crossing(&shapes->aligned[slot], ray, axis);
-        Mask within = within_aligned(&shapes->aligned[slot], c) & can_meet(shapes, slot, hiding, f);
-        take_nearer(nearest, c, within, ray, slot);
+        const Aligned *a = &shapes->aligned[slot];
+        Real t = (real(a->plane) - along(ray->o, axis)) * inverse;
+        Real x = along(ray->o, u) + t * along(ray->d, u) - real(a->center_u);
+        Real y = along(ray->o, v) + t * along(ray->d, v) - real(a->center_v);
+        Mask nearer = (real_abs(x) <= real(a->half_u)) & (real_abs(y) <= real(a->half_v)) & (t > real(0))
+                      & (t < nearest->num) & can_meet(shapes, slot, hiding, f);
+        nearer = and_not(nearer, ray->from == index_of(slot));
+        nearest->num = select(nearer, t, nearest->num);
+        nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
     }
 }
 
-/* The nearest of the flat shapes, with the one division that this takes. */
+/* The nearest of the flat shapes; all that do not lie along the axes take one division. */
 STAGE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
 {
     Nearest nearest = {ray->tmax, real(1), index_of(-1)};
@@ -209,18 +221,16 @@ STAGE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f
             Crossing c = flat_crossing(&shapes->disks[i], ray);
             take_nearer(&nearest, c, within_disk(c) & can_meet(shapes, slot, hiding, f), ray, slot);
         }
-    return (Hit){f & HAS_FLAT ? nearest.num / nearest.den : nearest.num, nearest.slot};
+    return (Hit){f & (HAS_RECTANGLE | HAS_DISK) ? nearest.num / nearest.den : nearest.num, nearest.slot};
 }
 
 /* Does the ray meet the cube or sphere, where, and which of its slots? */
 INLINE Mask cube_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hit *at)
 {
     Faces faces = {index_of(0), index_of(0)};
-    Stretch s = cube_stretch(&shapes->cubes[i], ray, &faces);
     Index face = ray->from - slot;
     Mask on = (face >= 0) & (face < 6);
-    if (any(on))
-        s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
+    Stretch s = cube_stretch(&shapes->cubes[i], ray, face, &faces);
     at->t = stretch_hit(s, on);
     Mask entering = at->t == s.near;
     at->slot = slot + index_select(entering, faces.enter, faces.leave);
@@ -268,14 +278,14 @@ INLINE Mask stretch_blocks(Stretch s, const Ray *ray, Mask on, Mask is_target)
 /* Is a flat shape in the way, one that is neither where the ray starts nor where it ends? */
 INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, int slot)
 {
-    return within & (c.num > real(0)) & (c.num < ray->tmax * c.den) & (ray->from != index_of(slot))
-           & (target != index_of(slot));
+    Mask before = within & (c.num > real(0)) & (c.num < ray->tmax * c.den);
+    return and_not(before, (ray->from == index_of(slot)) | (target == index_of(slot)));
 }
 
 INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, int axis)
 {
     Mask blocked = mask_none();
-    for (int slot = shapes->aligned_slot[axis]; slot < shapes->aligned_slot[axis + 1]; slot++) {
+    for (int slot = shapes->aligned_slot[axis]; slot < shapes->aligned_blocking[axis]; slot++) {
         Crossing c = aligned_crossing(&shapes->aligned[slot], ray, axis);
         blocked |= flat_blocks(c, within_aligned(&shapes->aligned[slot], c), ray, target, slot);
     }
@@ -284,11 +294,9 @@ INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, i
 
 INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
 {
-    Stretch s = cube_stretch(&shapes->cubes[i], ray, NULL);
     Index face = ray->from - slot, aim = target - slot;
     Mask on = (face >= 0) & (face < 6);
-    if (any(on))
-        s.met = and_not(s.met, on & cube_outward(&shapes->cubes[i], ray, face));
+    Stretch s = cube_stretch(&shapes->cubes[i], ray, face, NULL);
     return stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
 }
 INLINE Mask ball_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
@@ -305,12 +313,12 @@ STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Featu
         blocked = aligned_blocks(shapes, ray, target, 0) | aligned_blocks(shapes, ray, target, 1)
                   | aligned_blocks(shapes, ray, target, 2);
     if (f & HAS_RECTANGLE)
-        for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_count; i++, slot++) {
+        for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_blocking; i++, slot++) {
             Crossing c = flat_crossing(&shapes->rectangles[i], ray);
             blocked |= flat_blocks(c, within_rectangle(c), ray, target, slot);
         }
     if (f & HAS_DISK)
-        for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_count; i++, slot++) {
+        for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_blocking; i++, slot++) {
             Crossing c = flat_crossing(&shapes->disks[i], ray);
             blocked |= flat_blocks(c, within_disk(c), ray, target, slot);
         }

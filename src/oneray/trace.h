@@ -58,6 +58,8 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
         COPY_LANE(ray.o.x), COPY_LANE(ray.o.y), COPY_LANE(ray.o.z);
         COPY_LANE(ray.d.x), COPY_LANE(ray.d.y), COPY_LANE(ray.d.z);
         COPY_LANE(ray.tmax), COPY_LANE(ray.from);
+        if (f & USE_ROULETTE)
+            COPY_LANE(roulette);
         if (f & USE_LIGHT_PATHS)
             COPY_LANE(flux.x), COPY_LANE(flux.y), COPY_LANE(flux.z);
         (void)used;

@@ -25,7 +25,15 @@
 typedef Num Piece __attribute__((vector_size(PIECE_BYTES)));
 typedef Int PieceMask __attribute__((vector_size(PIECE_BYTES)));
 
+/* The larger or smaller of two; b where a is nan. */
+#if PIECE_BYTES == 32
+#define PIECE_MAX(a, b) ((Piece)VECTOR_MAX(_mm256)(a, b))
+#define PIECE_MIN(a, b) ((Piece)VECTOR_MIN(_mm256)(a, b))
+#else
 #define PIECE_SELECT(m, a, b) ((Piece)(((m) & (PieceMask)(a)) | (~(m) & (PieceMask)(b))))
+#define PIECE_MAX(a, b) PIECE_SELECT((a) > (b), a, b)
+#define PIECE_MIN(a, b) PIECE_SELECT((a) < (b), a, b)
+#endif
 
 /* A bit for each of the piece's numbers. */
 INLINE unsigned piece_bits(const PieceMask *m)
@@ -45,7 +53,7 @@ INLINE unsigned piece_bits(const PieceMask *m)
 }
 
 typedef struct {
-    Num low[3][BVH_WIDTH], high[3][BVH_WIDTH];
+    Num plane[6][BVH_WIDTH]; /* low x, y, z, high x, y, z */
     BvhNode where;
 } TreeNode;
 
@@ -56,8 +64,10 @@ typedef struct {
 
 /* One ray, as a tree takes it. */
 typedef struct {
-    Num o[3], d[3], inverse[3];
-    Num near_o[3], far_o[3]; /* o, moved so that near planes are nearer and far planes farther */
+    Num o[3];
+    Piece near_o[3], far_o[3]; /* o, moved so that near planes are nearer and far planes farther */
+    Piece inverse[3];          /* 1/d */
+    int near[3], far[3];       /* which planes of a node those are */
     int axis[3];             /* the triangles': x, y, and z along which d is longest */
     Num shear[3];            /* d.x/d.z, d.y/d.z, 1/d.z in those axes */
     Int from, target;        /* slots, or -1 */
@@ -87,17 +97,22 @@ INLINE void beam_start(Beam *beam, const Tree *tree, const Vec *o, const Vec *d,
         z = along[i] * along[i] > along[z] * along[z] ? i : z;
     }
     Num slack = 16 * ROUNDING * reach;
-    for (int i = 0; i < 3; i++) {
+    UNROLLED for (int i = 0; i < 3; i++) {
+        Num inverse = 1 / along[i];
+        int backwards = inverse < 0;
         beam->o[i] = from[i];
-        beam->d[i] = along[i];
-        beam->inverse[i] = 1 / along[i];
-        beam->near_o[i] = beam->inverse[i] < 0 ? from[i] - slack : from[i] + slack;
-        beam->far_o[i] = beam->inverse[i] < 0 ? from[i] + slack : from[i] - slack;
-        beam->axis[i] = (z + 1 + i) % 3;
+        beam->inverse[i] = (Piece){0} + inverse;
+        beam->near_o[i] = (Piece){0} + (backwards ? from[i] - slack : from[i] + slack);
+        beam->far_o[i] = (Piece){0} + (backwards ? from[i] + slack : from[i] - slack);
+        beam->near[i] = backwards ? 3 + i : i;
+        beam->far[i] = backwards ? i : 3 + i;
     }
-    beam->shear[0] = along[beam->axis[0]] / along[z];
-    beam->shear[1] = along[beam->axis[1]] / along[z];
+    beam->axis[0] = z == 2 ? 0 : z + 1;
+    beam->axis[1] = z == 0 ? 2 : z - 1;
+    beam->axis[2] = z;
     beam->shear[2] = 1 / along[z];
+    beam->shear[0] = along[beam->axis[0]] * beam->shear[2];
+    beam->shear[1] = along[beam->axis[1]] * beam->shear[2];
 }
 
 /* What is still to be looked at, the last first. */
@@ -115,15 +130,14 @@ STAGE unsigned boxes_met(const TreeNode *node, const Beam *beam, Num tmax, Num d
     unsigned bits = 0;
     for (int part = 0; part < 8; part += PIECE) {
         Piece near = {0}, far = (Piece){0} + tmax;
-        for (int i = 0; i < 3; i++) {
+        UNROLLED for (int i = 0; i < 3; i++) {
             Piece enter, leave;
-            memcpy(&enter, (beam->inverse[i] < 0 ? node->high[i] : node->low[i]) + part, sizeof enter);
-            memcpy(&leave, (beam->inverse[i] < 0 ? node->low[i] : node->high[i]) + part, sizeof leave);
+            memcpy(&enter, node->plane[beam->near[i]] + part, sizeof enter);
+            memcpy(&leave, node->plane[beam->far[i]] + part, sizeof leave);
             enter = (enter - beam->near_o[i]) * beam->inverse[i];
             leave = (leave - beam->far_o[i]) * beam->inverse[i];
-            PieceMask later = enter > near, sooner = leave < far;
-            near = PIECE_SELECT(later, enter, near);
-            far = PIECE_SELECT(sooner, leave, far);
+            near = PIECE_MAX(enter, near);
+            far = PIECE_MIN(leave, far);
         }
         PieceMask met = near <= far * (1 + 8 * ROUNDING);
 #ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */

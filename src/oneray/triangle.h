@@ -29,7 +29,7 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num t[8])
     unsigned bits = 0;
     for (int part = 0; part < 8; part += PIECE) {
         Piece x[3], y[3], z[3], zero = {0};
-        for (int c = 0; c < 3; c++) {
+        UNROLLED for (int c = 0; c < 3; c++) {
             memcpy(&x[c], leaf->corner[c][beam->axis[0]] + part, sizeof x[c]);
             memcpy(&y[c], leaf->corner[c][beam->axis[1]] + part, sizeof y[c]);
             memcpy(&z[c], leaf->corner[c][beam->axis[2]] + part, sizeof z[c]);
@@ -38,9 +38,11 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num t[8])
             y[c] = (y[c] - beam->o[beam->axis[1]]) - beam->shear[1] * z[c];
         }
         Piece u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
+        Piece least = PIECE_MIN(PIECE_MIN(u, v), w), most = PIECE_MAX(PIECE_MAX(u, v), w);
+        PieceMask inside = (least >= zero) | (most <= zero);
+        if (!piece_bits(&inside))
+            continue;
         Piece sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * beam->shear[2] / sum;
-        PieceMask inside =
-            ((u >= zero) & (v >= zero) & (w >= zero)) | ((u <= zero) & (v <= zero) & (w <= zero));
         inside &= (sum != zero) & (at > zero);
         memcpy(t + part, &at, sizeof at);
         bits |= piece_bits(&inside) << part;

@@ -33,9 +33,9 @@ INLINE Vec vec_only(Mask m, Vec a) { return (Vec){only(m, a.x), only(m, a.y), on
 /* Three numbers of a table whose rows hold three, at each lane's row. */
 INLINE Vec vec_gather(const Num (*table)[3], Index i)
 {
-    const Num *first = &table[0][0];
-    Index at = i * 3;
-    return (Vec){gather(first, at), gather(first + 1, at), gather(first + 2, at)};
+    Real row[4];
+    gather_four(&table[0][0], i * 3, row);
+    return (Vec){row[0], row[1], row[2]};
 }
 
 /* Two unit vectors that complete the unit vector n to a right-handed frame (s, t, n), without a case where
