@@ -207,11 +207,14 @@ def _noise(images: Array, tiles: list[Tile]) -> Array:
 
 
 def _mismatch(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array, noise: Array) -> float:
-    """Mean squared relative difference of tiles over what noise alone would give (with rounding as its
-    floor).
+    """Mean squared difference of tiles, relative to the brighter of the two, over what noise alone would give
+    (with rounding as its floor). No tile counts for more than 1, so that a lamp where none should be does not
+    outweigh the rest of the image.
     """
-    difference = region_means(mean - reference, tiles) / yardstick
-    return float((difference**2).mean() / ((noise / yardstick**2).mean() + 1e-8))
+    found = region_means(mean, tiles)
+    brighter = np.maximum(yardstick, np.abs(found))
+    difference = (found - region_means(reference, tiles)) / brighter
+    return float((difference**2).mean() / ((noise / brighter**2).mean() + 1e-8))
 
 
 def _factor(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array) -> float:

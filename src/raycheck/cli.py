@@ -37,12 +37,14 @@ from raycheck.verify import verify as run_verification
 TILE_LIMITS = Limits.tile / Limits.image
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
 FEW_COMMANDS = """\
-raycheck judges Monte Carlo renderers against references. The three commands that matter:
+raycheck judges Monte Carlo renderers against references. The commands that matter:
 
   raycheck verify point-light --renderer "./mine {scene} --spp {spp} --seed {seed} -o {output}"
       Is your renderer right on average? PASS, FAIL and what is wrong, or INCONCLUSIVE and what would decide.
   raycheck verify cornell-box --images 'mine-*.exr'
       The same for pictures that are already rendered.
+  raycheck diagnose mine.exr
+      Which known mistake makes an image like this?
   raycheck compare A.exr B.exr
       Do two renders with standard errors show the same mean?
 

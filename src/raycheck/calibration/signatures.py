@@ -128,7 +128,7 @@ def _save(path: Path, **arrays: Array) -> None:
 
 def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
     """Tile means of the broken program and of the correct one; None if the mistake does not show there."""
-    path = means_file(work, pair, mutants.program(pair.mutant))
+    path = means_file(work, pair, mutants.program_path(pair.mutant))
     if not path.is_file():
         return None
     with np.load(path) as arrays:
