@@ -140,6 +140,8 @@ def program_path(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") ->
 @functools.lru_cache(maxsize=256)
 def _digest(mutant: Mutant | None) -> str:
     """Of the sources, the patch and how they are built."""
+    if not (ROOT / "Makefile").is_file():
+        raise NotFound(f"{ROOT}: there are no sources; calibration needs a checkout of them")
     digest = hashlib.sha256("\n".join(settings()).encode())
     for path in (
         ROOT / "Makefile",

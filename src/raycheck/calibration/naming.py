@@ -36,7 +36,7 @@ def evidence(work: Path, pair: Pair) -> Evidence | None:
 
 
 def summary(work: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
-    """Shares, and every case that went wrong: by all complete scenes, and by the one that shows the mistake."""
+    """Shares, and every case that went wrong: by all complete scenes, and by the one that shows it."""
     found = {(p.mutant.name, p.scene): evidence(work, p) for p in pairs(wanted)}
 
     def told(mutant: Mutant, scenes: Sequence[str], without: Sequence[str] = ()) -> Diagnosis | None:
