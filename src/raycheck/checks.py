@@ -27,7 +27,7 @@ RARE = 2.0
 """Deviations from which a pixel's noise counts no more: rare events alone would correlate by chance."""
 FEWEST_VARYING = 256
 """Pixels that must vary for their correlation to say anything."""
-GROWTH_ERROR, GROWTH_ERRORS = 0.7, 6.0
+GROWTH_ERROR, GROWTH_ERRORS = 0.7, 5.0
 """Standard error of the logarithm of a region's variance from eight images, and how many of the median's are
 beyond chance.
 """
