@@ -13,12 +13,16 @@ need gcc sh -c 'command -v "${CC:-cc}"'
 need pkg-config sh -c 'command -v pkg-config'
 need libexpat1-dev pkg-config --exists expat
 need libopenexr-dev pkg-config --exists OpenEXR
+need libpng-dev pkg-config --exists libpng
 need python3-venv python3 -c 'import ensurepip, venv'
 optional=
 for package in "$@"; do
     case $package in
     # Mitsuba's fast variant wants LLVM 19; without it, its scalar variant serves.
     libllvm*) ls /usr/lib/*/libLLVM*19* >/dev/null 2>&1 || optional="$optional $package" ;;
+    # libFuzzer and the sanitizers of clang.
+    libclang-rt-dev) need "$package" sh -c \
+        'echo "int LLVMFuzzerTestOneInput(void) { return 0; }" | clang -fsanitize=fuzzer,address -x c - -o /dev/null' ;;
     *) need "$package" sh -c "command -v $package" ;;
     esac
 done

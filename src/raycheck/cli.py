@@ -1,5 +1,6 @@
-"""The command line: raycheck verify, compare, report, techniques, reference."""
+"""The command line: raycheck verify, compare, report, techniques, stability, reference, render."""
 
+import functools
 import math
 import os
 import shlex
@@ -22,8 +23,10 @@ from raycheck import (
     prices,
     reference_making,
     references,
+    render_command,
     words,
 )
+from raycheck import stability as stiff
 from raycheck.cli_support import make_console, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
 from raycheck.junit import junit_xml
@@ -192,10 +195,14 @@ def report(
             metavar="FILE", help="Figures of scripts/benchmark.py; by default those of the references."
         ),
     ] = None,
+    stability: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Figures of stability --json; by default those of the references."),
+    ] = None,
 ) -> None:
     """Leave one offline page: pictures, error maps and verdicts of all scenes."""
     with plain_errors(), _progress("verifying") as on_case:
-        page = write_report(output, verification, on_case, benchmark)
+        page = write_report(output, verification, on_case, benchmark, stability)
     typer.echo(f"{page}: open it in a browser")
 
 
@@ -231,6 +238,41 @@ def techniques(
         budget = {"spp": spp} if spp else {"seconds": seconds}
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()} | budget
         replace(json_file, prices.to_json(result, header))
+
+
+@app.command()
+def stability(
+    cases: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names of stiff cases; all by default.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three values of each, oneray alone: half a minute.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Another number gives all-new samples.")] = 0,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
+    ] = None,
+) -> None:
+    """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
+    status 1 if oneray misses a goal.
+    """
+    writable(json_file)
+    with _progress("sweeping") as on_case, plain_errors():
+        wanted = stiff.cases_named(cases or ())
+        results = stiff.run(wanted, quick, seed, on_case)
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, name in enumerate(stiff.COLUMNS):
+        table.add_column(name, no_wrap=index < 4)
+    for result in results:
+        table.add_row(*stiff.row(result), style=None if result.holds() else "red")
+    make_console().print(table)
+    missed = [result.case for result in results if not result.holds()]
+    met = "all that was swept holds" if quick else f"all {len(results)} goals are met"
+    make_console().print(f"goals missed: {', '.join(missed)}" if missed else met)
+    if json_file:
+        header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()}
+        replace(json_file, stiff.to_json(results, header))
+    raise typer.Exit(1 if missed else 0)
 
 
 def _show_prices(result: list[prices.ScenePrices]) -> None:
@@ -423,10 +465,22 @@ def _progress(what: str):
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(what, total=None)
 
-        def on_case(case: Case | prices.Step, total: int) -> None:
+        def on_case(case: Case | prices.Step | stiff.Step, total: int) -> None:
             bar.update(task, total=total, advance=1, description=f"{what} {case.scene}, {case.technique}")
 
         yield on_case
+
+
+def _with_plain_errors(command: Callable[..., None]) -> Callable[..., None]:
+    @functools.wraps(command)
+    def run(*values: object, **options: object) -> None:
+        with plain_errors():
+            command(*values, **options)
+
+    return run
+
+
+app.command()(_with_plain_errors(render_command.render))
 
 
 def _saving(

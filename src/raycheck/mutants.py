@@ -190,10 +190,11 @@ def _make(folder: Path) -> None:
     variables = ["BUILD=build", *settings()]
     command = ["make", "-s", "-B", "-n", *variables, "all"]
     commands = _run(None, command, folder)
-    libraries = _run(None, ["pkg-config", "--libs", "expat", "OpenEXR"], folder)
+    link = next(line for line in commands.splitlines() if "-o build/oneray " in line)
+    libraries = " ".join(word for word in link.split() if word.startswith(("-l", "-L")))
     _run(None, ["make", *variables, "all"], folder)
     (folder / "build/commands").write_text(commands, encoding="utf-8")
-    (folder / "build/libraries").write_text(libraries + " -lm", encoding="utf-8")
+    (folder / "build/libraries").write_text(libraries, encoding="utf-8")
     source = Path(__file__).parent / "calibration/many_seeds.c"
     words = ["cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", "-Isrc/oneray", "-c", str(source)]
     _run(None, [*words, "-o", f"build/{MANY_SEEDS}"], folder)
