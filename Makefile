@@ -5,6 +5,7 @@
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make stability  how far both renderers hold in stiff cases, half an hour, into references/stability.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
+# make calibrate  measures raycheck itself, an hour of one core, into references/calibration.json and references/signatures
 # make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
 # make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
@@ -52,7 +53,7 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all install wheel demo test references thorough techniques stability benchmark fuzz fuzzers clean FORCE
+.PHONY: all install wheel demo test references thorough techniques stability benchmark calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -174,6 +175,14 @@ benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
 	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
 	$(PYTHON) scripts/readme_benchmark.py
+
+calibrate: $(BUILD)/.system-test $(VENV)/.test
+	$(RAYCHECK) calibrate nulls
+	$(RAYCHECK) calibrate mde
+	$(RAYCHECK) calibrate mutants
+	$(RAYCHECK) calibrate signatures
+	$(RAYCHECK) calibrate naming
+	$(PYTHON) scripts/readme_calibration.py
 
 clean:
 	rm -rf $(BUILD)
