@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from raycheck import statistics as st
 from raycheck.tiles import SMALLEST, region_variances
@@ -172,7 +172,7 @@ def _reached(pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Lim
     freedom = st.FREEDOM_SHARE * (batches - 1)
 
     tail = (1 - CONFIDENCE) / 2 / one_set.size
-    needed = (stats.t.isf(tail, 2 * freedom) + 2.5) * both_sets
+    needed = (-special.stdtrit(2 * freedom, tail) + 2.5) * both_sets
     if needed[0].max() > limits.image or needed[1:].max(initial=0.0) > limits.tile:
         return False
     level_image = SHARE_IMAGE * ALPHA / 3

@@ -12,35 +12,27 @@ import numpy as np
 
 from raycheck.calibration import trials
 from raycheck.calibration.signatures import COMPLETE, Pair, pairs, read_pair
-from raycheck.diagnosis import Diagnosis, Evidence, diagnose, fine_tiles
+from raycheck.diagnosis import Diagnosis, Evidence, diagnose, evidence_of_means, scenes
 from raycheck.mutants import Mutant
-from raycheck.tiles import region_means, region_variances
 
 SAME = 0.15
 """Logarithm of the strength within which a mistake counts as that mistake itself."""
 
 
 def evidence(work: Path, pair: Pair) -> Evidence | None:
-    """The broken program against the reference; None where it does not differ from the correct one."""
+    """The broken program against the reference; None where it gives no image."""
     read = read_pair(work, pair)
     if read is None:
         return None
-    truth = trials.load_truth(pair.scene)
-    tiles = fine_tiles(*truth.shape)
-    mean = region_means(truth.mean, tiles)
-    floor = np.abs(truth.mean).mean(axis=(0, 1)) / 10
-    scale = np.maximum(np.abs(mean), np.where(floor > 0, floor, 1.0))
-    broken = read[0]
-    variance = broken.var(axis=0, ddof=1) / len(broken) + region_variances(truth.variance, tiles)
-    return Evidence(pair.scene, broken.mean(axis=0) - mean, variance, scale)
+    return evidence_of_means(pair.scene, read[0], trials.load_truth(pair.scene))
 
 
 def summary(work: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
     """Shares, and every case that went wrong: by all complete scenes, and by the one that shows it."""
-    found = {(p.mutant.name, p.scene): evidence(work, p) for p in pairs(wanted)}
+    found = {(p.mutant.name, p.scene): evidence(work, p) for p in pairs(wanted) if p.scene in scenes()}
 
-    def told(mutant: Mutant, scenes: Sequence[str], without: Sequence[str] = ()) -> Diagnosis | None:
-        seen = [one for scene in scenes if (one := found.get((mutant.name, scene))) is not None]
+    def told(mutant: Mutant, by: Sequence[str], without: Sequence[str] = ()) -> Diagnosis | None:
+        seen = [one for scene in by if (one := found.get((mutant.name, scene))) is not None]
         result = diagnose(seen, without) if seen else None
         return result if result and result.significant else None
 

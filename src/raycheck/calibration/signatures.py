@@ -1,8 +1,8 @@
 """Signature images of the catalogued mistakes, and the images that naming is measured by.
 
 A program with a mistake and the correct one render the same seeds; where a first picture is the same bit for
-bit, the mistake does not show in that scene and has no signature there. Tile means are kept under
-build/calibration until the signatures are put together.
+bit, the mistake does not show in that scene, and all its pictures are the correct ones. Tile means are kept
+under build/calibration until the signatures are put together.
 """
 
 import json
@@ -81,7 +81,7 @@ def means_file(work: Path, pair: Pair, program: Path) -> Path:
 
 def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
     """(SEEDS, T, 3) tile means of the program, and of the correct one from the same seeds; empty where the
-    mistake does not show, or gives no image.
+    mistake gives no image.
     """
     name = pair.mutant.shows
     # Variants are tests of naming: they have seeds of their own.
@@ -91,8 +91,9 @@ def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
     broken = right = none
     try:
         first, correct = _correct_means(pair.scene, name, seeds, work)
-        if not np.array_equal(trials.Program(program, name).images(pair.scene, [(1, 1)])[0], first):
-            broken, right = _tile_means(program, pair.scene, name, seeds), correct
+        same = np.array_equal(trials.Program(program, name).images(pair.scene, [(1, 1)])[0], first)
+        broken = correct if same else _tile_means(program, pair.scene, name, seeds)
+        right = correct
     except renderers.RenderError:
         broken = right = none
     _save(path, broken=broken, right=right)
@@ -127,7 +128,7 @@ def _save(path: Path, **arrays: Array) -> None:
 
 
 def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
-    """Tile means of the broken program and of the correct one; None if the mistake does not show there."""
+    """Tile means of the broken program and of the correct one; None if there is no image."""
     path = means_file(work, pair, mutants.program_path(pair.mutant))
     if not path.is_file():
         return None
