@@ -146,16 +146,19 @@ def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosi
         mistakes = {name: m for name, m in mistakes.items() if all(name in names for names in known)}
     names = list(mistakes)
     strengths = np.concatenate([[0.0], STRENGTHS])
-    excess = np.zeros((len(names), len(strengths)))
+    excess, all_of_it = np.zeros((2, len(names), len(strengths)))
     for one in found:
         n = one.error.size
         noise = n + NOISE_ERRORS * np.sqrt(2 * n)
-        excess += np.maximum(_chi_squared(one, names, strengths) - noise, 0)
+        chi = _chi_squared(one, names, strengths)
+        excess += np.maximum(chi - noise, 0)
+        all_of_it += chi
     nothing = float(excess[0, 0]) if len(names) else 0.0
     fit = 1 - excess[:, 1:] / nothing if nothing > 0 else np.zeros((len(names), len(STRENGTHS)))
     fit -= STRENGTH * np.log(STRENGTHS) ** 2
     best = fit.argmax(axis=1)
-    order = np.argsort(-fit.max(axis=1), kind="stable")[:3]
+    left = all_of_it[range(len(names)), 1 + best]
+    order = np.lexsort([left, -fit.max(axis=1).round(2)])[:3]  # of equal fits the one that leaves least
     guesses = [
         Guess(mistakes[names[i]], float(np.clip(fit[i].max(), 0, 1)), float(STRENGTHS[best[i]]))
         for i in order
