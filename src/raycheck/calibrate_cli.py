@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from raycheck import mutants, references
+from raycheck import mutants, references, template_making
 from raycheck.calibration import kills, naming, nulls, signatures
 from raycheck.cli_support import plain_errors, replace
 from raycheck.mutants import Mutant
@@ -16,6 +16,7 @@ app = typer.Typer(help="Measure raycheck itself: false alarms, kill rate, detect
 
 WORK = mutants.ROOT / "build/calibration"
 Names = Annotated[list[str] | None, typer.Argument(metavar="[MUTANT]...", help="All by default.")]
+Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", help="Names; all by default.")]
 Folder = Annotated[
     Path, typer.Option("--work", metavar="DIR", help="Where results are kept, so that a run can go on.")
 ]
@@ -74,6 +75,14 @@ def run_signatures(work: Folder = WORK) -> None:
         for pair in signatures.render_pairs(_ready(work) / "signatures", wanted):
             typer.echo(f"{pair.mutant.name} on {pair.scene}")
         typer.echo(str(signatures.write_signatures(work / "signatures", wanted)))
+
+
+@app.command(name="templates")
+def run_templates(scenes: Scenes = None) -> None:
+    """What each light, path length and surface adds to a scene's image, into references/templates."""
+    with plain_errors():
+        for scene in template_making.write(scenes or references.scene_names()):
+            typer.echo(scene)
 
 
 @app.command(name="naming")

@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import references
-from raycheck.tiles import SMALLEST, Tile, region_means, region_variances
-from raycheck.truth import Truth
+from raycheck.evidence import RELATIVE_FLOOR, Evidence
 
 Array = NDArray[np.float64]
 
@@ -32,8 +31,6 @@ LIKENESS = 0.1
 """τ"""
 STRENGTH = 0.1
 """ω"""
-RELATIVE_FLOOR = 1e-6
-"""Squared relative error that no noise is taken to be below: float32 images and references."""
 STRENGTHS = np.exp(np.linspace(np.log(0.2), np.log(3.0), 55))
 KNOWN = 0.93
 """Fit from which a mistake counts as explained: chosen by half of the catalogue (calibration/naming.py)."""
@@ -63,19 +60,6 @@ class Signatures:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """The error of an image of one scene."""
-
-    scene: str
-    error: Array
-    """(T, 3) mean of the images − reference."""
-    variance: Array
-    """(T, 3) of that, the reference's included."""
-    scale: Array
-    """(T, 3) what a bias is relative to."""
-
-
-@dataclass(frozen=True)
 class Guess:
     """A mistake and how well it explains the evidence."""
 
@@ -94,48 +78,6 @@ class Diagnosis:
     significant: bool
     """There is an error to explain."""
     candidates: int
-
-
-def fine_tiles(height: int, width: int) -> list[Tile]:
-    """The tiles of signatures."""
-    return [
-        Tile(row, column, min(SMALLEST, height - row), min(SMALLEST, width - column))
-        for row in range(0, height, SMALLEST)
-        for column in range(0, width, SMALLEST)
-    ]
-
-
-def evidence(scene: str, images: Array, truth: Truth) -> Evidence:
-    """From images (B ≥ 1, H, W, 3); the noise of a single one is taken from its differences to the
-    reference.
-    """
-    tiles = fine_tiles(*truth.shape)
-    if len(images) > 1:
-        return evidence_of_means(scene, region_means(images, tiles), truth)
-    own = region_variances((images[0] - truth.mean) ** 2, tiles)
-    return _evidence(scene, region_means(images[0], tiles), own, truth)
-
-
-def evidence_of_means(scene: str, means: Array, truth: Truth) -> Evidence:
-    """From means (B > 1, T, 3) of the fine tiles.
-
-    A few images that missed rare bright samples look calmer than they are: no tile's noise is taken to be
-    less than the reference's renderer would have there with as many samples, by the median over the tiles.
-    """
-    own = means.var(axis=0, ddof=1) / len(means)
-    one = region_variances(truth.sample_variance, fine_tiles(*truth.shape))
-    noisy = (own > 0) & (one > 0)
-    if noisy.any():
-        own = np.maximum(own, np.where(own > 0, one * np.median(own[noisy] / one[noisy]), 0.0))
-    return _evidence(scene, means.mean(axis=0), own, truth)
-
-
-def _evidence(scene: str, mean: Array, own: Array, truth: Truth) -> Evidence:
-    tiles = fine_tiles(*truth.shape)
-    expected = region_means(truth.mean, tiles)
-    floor = np.abs(truth.mean).mean(axis=(0, 1)) / 10
-    scale = np.maximum(np.abs(expected), np.where(floor > 0, floor, 1.0))
-    return Evidence(scene, mean - expected, own + region_variances(truth.variance, tiles), scale)
 
 
 def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosis:
@@ -171,12 +113,12 @@ SURE = 0.9
 """Fit from which the image of a single scene is enough to name a mistake unasked."""
 
 
-def likely(scene: str, images: Array, truth: Truth) -> Mistake | None:
-    """The mistake that an image of this scene looks like; None if that is not clear, or nothing is known of
-    the scene.
+def likely(found: Evidence) -> Mistake | None:
+    """The mistake that the images of a scene look like; None if that is not clear, or nothing is known of the
+    scene.
     """
     try:
-        told = diagnose([evidence(scene, images, truth)])
+        told = diagnose([found])
     except references.ReferenceError_:
         return None
     return told.guesses[0].mistake if told.significant and told.guesses[0].fit >= SURE else None

@@ -12,7 +12,8 @@ import numpy as np
 
 from raycheck.calibration import trials
 from raycheck.calibration.signatures import COMPLETE, Pair, pairs, read_pair
-from raycheck.diagnosis import Diagnosis, Evidence, diagnose, evidence_of_means, scenes
+from raycheck.diagnosis import Diagnosis, diagnose, scenes
+from raycheck.evidence import Evidence, evidence_of_means
 from raycheck.mutants import Mutant
 
 SAME = 0.15

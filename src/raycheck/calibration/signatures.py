@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from raycheck import mutants, references, renderers
 from raycheck.calibration import trials
-from raycheck.diagnosis import fine_tiles, folder
+from raycheck.diagnosis import folder
+from raycheck.evidence import fine_tiles
 from raycheck.mutants import Mutant
 from raycheck.seeds import make_seeds
 from raycheck.techniques import applicable, read_content, technique

@@ -1,0 +1,260 @@
+"""Templates: what each light, path length and surface of a scene adds to the image of a correct renderer.
+
+oneray renders the scene once for each light, with the other emitters taken away (a light without power might
+be chosen, or not be), and each of a few path lengths, from the same seeds, so that the difference of two
+lengths is what the longer paths add. Which surface a pixel shows is the emission, at path length 1, of a copy
+of the scene in which that surface alone shines, to both sides. All at `FINER` times the scene's resolution,
+so that few pixels show two surfaces.
+"""
+
+import copy
+import json
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck import references, renderers
+from raycheck.references import Variant
+from raycheck.seeds import make_seeds
+from raycheck.templates import Templates, folder, manifest
+from raycheck.tiles import SMALLEST, Tile, region_means
+
+Array = NDArray[np.float64]
+Element = ElementTree.Element
+
+FINER = 4
+SPP, SEEDS = 16, 8
+MASK_SPP = 16
+TIMEOUT = 600.0
+MOST_LIGHTS = 16
+"""More are not told apart."""
+LENGTHS = {1: "emission", 2: "direct", 3: "two bounces", 0: "more bounces"}
+"""Path lengths that are told apart, in Mitsuba's counting, and what they add; 0 is the scene's own depth."""
+NOTHING = 1e-4
+"""Share of the image below which a path length or surface is left out."""
+LONGEST_NAME = 3
+"""Words of a comment above a shape that still name it."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Shapes that go by one name."""
+
+    name: str
+    shapes: tuple[int, ...]
+    """Their numbers in the file."""
+
+
+def parse(of: Variant) -> Element:
+    """The scene with its comments, paths of mesh files absolute, parameters as defaults."""
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    root = ElementTree.parse(of.path, parser).getroot()
+    for default in root.iter("default"):
+        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
+    for string in root.iter("string"):
+        if string.get("name") == "filename":
+            string.set("value", str((of.path.parent / string.get("value", "")).resolve()))
+    return root
+
+
+def emitters(root: Element) -> list[tuple[Element, Element]]:
+    """(parent, emitter), in the order of the file."""
+    return [(parent, child) for parent in root.iter() for child in parent if child.tag == "emitter"]
+
+
+def light_names(root: Element) -> list[str]:
+    """For people: "the sky" where there is one, else by the number in the file."""
+    kinds = [emitter.get("type", "") for _, emitter in emitters(root)]
+    if len(kinds) > MOST_LIGHTS:
+        return ["the lights"]
+    if len(kinds) == 1:
+        return ["the light"]
+    own = {"constant": "the sky", "directional": "the sun", "spot": "the spot", "point": "the point light"}
+    return [
+        own[kind] if kind in own and kinds.count(kind) == 1 else f"light {number} of {len(kinds)}"
+        for number, kind in enumerate(kinds, 1)
+    ]
+
+
+def surfaces(root: Element) -> list[Surface]:
+    """By the lamp that it is, its id, the comment above it, its material's id, or its kind."""
+    named: dict[str, list[int]] = {}
+    lamp = "the lamp" if len(root.findall("./shape/emitter")) == 1 else "the lamps"
+    above, number = "", 0
+    for child in root:
+        if child.tag is ElementTree.Comment:
+            above = (child.text or "").strip().partition(",")[0]
+            continue
+        if child.tag == "shape":
+            material = child.find("ref")
+            names = [
+                lamp if child.find("emitter") is not None else "",
+                child.get("id", ""),
+                above if len(above.split()) <= LONGEST_NAME else "",
+                material.get("id", "") if material is not None else "",
+                f"the {child.get('type')}",
+            ]
+            named.setdefault(next(name for name in names if name), []).append(number)
+            number += 1
+        above = ""
+    return [Surface(name, tuple(numbers)) for name, numbers in named.items()]
+
+
+def with_length(root: Element, length: int) -> Element:
+    """A copy that ends paths at this length; 0 leaves the scene's own."""
+    found = copy.deepcopy(root)
+    depth = found.find("./integrator/integer[@name='max_depth']")
+    if length and depth is not None:
+        depth.set("value", str(length))
+    return found
+
+
+def with_light(root: Element, index: int | None) -> Element:
+    """A copy with one light alone; None keeps all."""
+    found = copy.deepcopy(root)
+    for number, (parent, emitter) in enumerate(emitters(found)):
+        if index is not None and number != index:
+            parent.remove(emitter)
+    return found
+
+
+def showing(root: Element, surface: Surface, flipped: bool) -> Element:
+    """A copy in which a surface alone shines, with radiance 1, to one of its sides."""
+    found = with_length(root, 1)
+    hidden = found.find("./integrator/boolean[@name='hide_emitters']")
+    unseen = hidden is not None and hidden.get("value") == "true"
+    if hidden is not None:
+        hidden.set("value", "false")
+    shapes = found.findall("shape")
+    lamps = [shape for shape in shapes if shape.find("emitter") is not None]
+    for parent, emitter in emitters(found):
+        parent.remove(emitter)
+    for number in surface.shapes:
+        shape = shapes[number]
+        for child in [c for c in shape if c.tag in ("bsdf", "ref")]:
+            shape.remove(child)
+        flip = shape.find("./boolean[@name='flip_normals']")
+        turned = (flip is not None and flip.get("value") == "true") != flipped
+        if flip is not None:
+            shape.remove(flip)
+        if turned:
+            ElementTree.SubElement(shape, "boolean", name="flip_normals", value="true")
+        light = ElementTree.SubElement(shape, "emitter", type="area")
+        ElementTree.SubElement(light, "rgb", name="radiance", value="1")
+    for lamp in lamps if unseen else ():
+        found.remove(lamp)
+    return found
+
+
+class _Maker:
+    """Renders copies of a scene with oneray, at the finer resolution."""
+
+    def __init__(self, of: Variant, folder: Path) -> None:
+        entry = references.require(of)
+        self.of, self.folder = of, folder
+        self.shape = entry["height"] * FINER, entry["width"] * FINER
+        size = ("--height", str(self.shape[0]), "--width", str(self.shape[1]))
+        self.command = renderers.oneray_command(renderers.oneray_path(), size)
+
+    def render(self, root: Element, spp: int, seed: int) -> Array:
+        path = self.folder / "scene.xml"
+        ElementTree.ElementTree(root).write(path, encoding="utf-8")
+        return self.command.render(path, spp, seed, TIMEOUT).image.pixels
+
+    def mask(self, root: Element, surface: Surface) -> Array:
+        """(H, W) share of each pixel that shows the surface."""
+        seed = make_seeds("templates/mask", 1)[0]  # the same for all, whose sum is then 1
+        sides = [self.render(showing(root, surface, flipped), MASK_SPP, seed) for flipped in (False, True)]
+        return np.clip(sum(side[..., 0] for side in sides), 0, 1)
+
+    def tiles(self) -> list[Tile]:
+        side = SMALLEST * FINER
+        height, width = self.shape
+        return [
+            Tile(row, column, min(side, height - row), min(side, width - column))
+            for row in range(0, height, side)
+            for column in range(0, width, side)
+        ]
+
+
+def make(of: Variant) -> Templates:
+    """Render all of one scene's."""
+    root = parse(of)
+    content = surfaces(root)
+    lights = light_names(root)
+    depth = int(_depth(root))
+    lengths = [n for n in LENGTHS if n == 0 or depth < 0 or n < depth]
+    with tempfile.TemporaryDirectory(prefix="raycheck-") as scratch:
+        maker = _Maker(of, Path(scratch))
+        masks = [maker.mask(root, surface) for surface in content]
+        rest = np.clip(1 - sum(masks), 0, 1)
+        tiles = maker.tiles()
+        seeds = make_seeds(f"templates/{of.label}", SEEDS)
+        parts = np.zeros((SEEDS, len(lights), len(lengths), len(masks) + 1, len(tiles), 3))
+        for light in range(len(lights)):
+            lit = with_light(root, light if len(lights) > 1 else None)
+            for batch, seed in enumerate(seeds):
+                shorter = 0.0
+                for index, length in enumerate(lengths):
+                    image = maker.render(with_length(lit, length), SPP, seed)
+                    shown = np.stack([mask[..., None] * (image - shorter) for mask in [*masks, rest]])
+                    parts[batch, light, index] = region_means(shown, tiles)
+                    shorter = image
+    names = [*(surface.name for surface in content), "the background"]
+    last = {2: "direct", 3: "two bounces"}.get(depth, "more bounces") if depth > 0 else "more bounces"
+    told = [LENGTHS[n] if n else last for n in lengths]
+    return _without_empty(Templates(lights, told, names, parts.mean(axis=0), _variance(parts)))
+
+
+def _depth(root: Element) -> str:
+    depth = root.find("./integrator/integer[@name='max_depth']")
+    value = depth.get("value", "-1") if depth is not None else "-1"
+    values = {f"${d.get('name')}": d.get("value", "") for d in root.iter("default")}
+    return values.get(value, value)
+
+
+def _variance(parts: Array) -> Array:
+    return parts.var(axis=0, ddof=1) / len(parts)
+
+
+def _without_empty(found: Templates) -> Templates:
+    """Path lengths and surfaces that show nothing are left out."""
+    least = NOTHING * found.image.sum()
+    lengths = np.flatnonzero(found.image.sum(axis=(0, 2, 3, 4)) > least)
+    shown = np.flatnonzero(found.image.sum(axis=(0, 1, 3, 4)) > least)
+    at = np.ix_(range(len(found.lights)), lengths, shown)
+    return Templates(
+        found.lights, [found.lengths[i] for i in lengths], [found.surfaces[i] for i in shown],
+        found.image[at], found.variance[at],
+    )  # fmt: skip
+
+
+def write(scenes: Sequence[str]) -> Iterator[str]:
+    """Make those of some scenes, and keep the others'; the manifest is written after each."""
+    target = folder()
+    target.mkdir(parents=True, exist_ok=True)
+    listing = dict(manifest()) if (target / "manifest.json").is_file() else {}
+    for scene in scenes:
+        of = references.variant(scene)
+        found = make(of)
+        with tempfile.TemporaryDirectory(dir=target) as scratch:
+            partial = Path(scratch) / f"{scene}.npz"
+            np.savez_compressed(
+                partial,
+                image=found.image.astype(np.float32), deviation=np.sqrt(found.variance).astype(np.float32),
+            )  # fmt: skip
+            partial.replace(target / f"{scene}.npz")
+        listing[scene] = {
+            "hash": references.scene_hash(of.path), "lights": list(found.lights),
+            "lengths": list(found.lengths), "surfaces": list(found.surfaces), "spp": SPP * SEEDS * FINER**2,
+        }  # fmt: skip
+        text = json.dumps(dict(sorted(listing.items())), indent=1, ensure_ascii=False) + "\n"
+        partial = target / ".manifest.json.part"
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(target / "manifest.json")
+        yield scene
