@@ -164,17 +164,17 @@ thorough: $(BUILD)/.system $(VENV)/.demo
 techniques: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(RAYCHECK) techniques --json references/techniques.json
-	$(PYTHON) scripts/readme_prices.py
+	$(PYTHON) scripts/readme.py
 
 stability: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
 	$(RAYCHECK) stability --json references/stability.json
-	$(PYTHON) scripts/readme_stability.py
+	$(PYTHON) scripts/readme.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
 	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
-	$(PYTHON) scripts/readme_benchmark.py
+	$(PYTHON) scripts/readme.py
 
 calibrate: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) calibrate nulls
@@ -182,7 +182,7 @@ calibrate: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) calibrate mutants
 	$(RAYCHECK) calibrate signatures
 	$(RAYCHECK) calibrate naming
-	$(PYTHON) scripts/readme_calibration.py
+	$(PYTHON) scripts/readme.py
 
 clean:
 	rm -rf $(BUILD)
