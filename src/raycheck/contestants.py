@@ -116,8 +116,11 @@ class Mitsuba:
 
     @property
     def command(self) -> str:
-        settings = "".join(f" -D{k}={v}" for k, v in sorted(self.of.parameters.items()))
-        return f"mitsuba -m {self.variant} -t 1 scenes/{self.of.path.name} --spp {{spp}} --seed {{seed}}{settings}"
+        settings = "".join(f", {k}={v!r}" for k, v in sorted(self.of.parameters.items()))
+        return (
+            f"python -c \"import mitsuba as mi; mi.set_variant('{self.variant}'); mi.Bitmap(mi.render("
+            f"mi.load_file('{_shown_path(self.of)}'{settings}), spp={{spp}}, seed={{seed}})).write('out.exr')\""
+        )
 
     def open(self) -> dict[str, float]:
         self._scratch = Path(tempfile.mkdtemp(prefix="raycheck-"))
@@ -195,14 +198,23 @@ def oneray_contestants(scene: Variant, named: Sequence[str] = ()) -> tuple[list[
     """oneray with every technique that applies, or those named; and why others, that would, are left out."""
     agenda = tasks.oneray_agenda([scene], named)
     program = renderers.oneray_path()
-    settings = "".join(f" -D{k}={v}" for k, v in sorted(scene.parameters.items()))
     found = []
     for task in agenda.tasks:
         one = technique(task.technique)
-        shown = f"oneray scenes/{scene.path.name} -o {scene.name}.exr --spp {{spp}} --seed {{seed}}{settings} "
-        shown += " ".join(one.options)
+        shown = oneray_line(scene, one.options)
         found.append(Process(one.name, one.summary, task.renderer, task.path, shown, _hash(program)))
     return found, {case.removeprefix(f"{scene.label}, "): why for case, why in agenda.left_out.items()}
+
+
+def _shown_path(scene: Variant) -> str:
+    return f"scenes/{scene.path.name}" if scene.canonical else str(scene.path)
+
+
+def oneray_line(scene: Variant, options: Sequence[str]) -> str:
+    """The command that renders a scene with oneray, as a reader would type it, with {spp} and {seed}."""
+    settings = [f"-D{k}={v}" for k, v in sorted(scene.parameters.items())]
+    words = ["oneray", _shown_path(scene), "-o", f"{scene.name}.exr", "--spp", "{spp}", "--seed", "{seed}"]
+    return " ".join([*words, *settings, *options])
 
 
 def _hash(program: Path) -> str:

@@ -33,8 +33,10 @@ FLOOR_FACTOR = 2.0
 """Levels whose MSE is below so many ⟨v⟩ show the reference's noise, and do not count for a slope."""
 SLOPE = -0.5
 SLOPE_WITHIN = 0.03
-HEAVY_SHARE = 0.15
-"""Luck from which tails are heavy: of normal errors it is below 0.05, whatever their variance is where."""
+HEAVY_LUCK = 0.25
+"""Luck from which tails are heavy; bounded samples at the edge of a light have up to 0.2."""
+UNSURE = 0.2
+"""A slope whose interval is wider is not known."""
 
 
 @dataclass(frozen=True)
@@ -234,16 +236,16 @@ def bend(all_slope: Band | None, luck: float, bias: str | None) -> tuple[str, st
     """The flag "bias", "heavy tails", "slow" or "", and a sentence that says why.
 
     `bias` is what a test of the images against the reference found, None if nothing. A curve without bias
-    whose slope is surely above −½ + 0.03, or so uncertain that its interval is wider than four times that, has
-    heavy tails where outliers carry its error, else its samples depend on each other or on the seed.
+    whose slope is surely above −½ + 0.03, or not known, has heavy tails where luck carries its error; where
+    it is surely above without that, its samples depend on each other.
     """
     if bias is not None:
         return "bias", bias
     if all_slope is None:
         return "", ""
     slow = all_slope.low > SLOPE + SLOPE_WITHIN
-    unsure = all_slope.high - all_slope.low > 4 * SLOPE_WITHIN
-    if luck >= HEAVY_SHARE and (slow or unsure):
+    unsure = all_slope.high - all_slope.low > UNSURE
+    if luck >= HEAVY_LUCK and (slow or unsure):
         return "heavy tails", (
             f"a few samples carry the error: 0.1 % of the pixels, other ones with every seed, have "
             f"{100 * luck:.0f} % of it"
