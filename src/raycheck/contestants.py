@@ -1,4 +1,4 @@
-"""Renderers that are timed against each other: a command for each picture, or Mitsuba in a process that stays.
+"""Renderers that race: a command for each picture, or Mitsuba in a process that stays.
 
 Time is the renderer's process time: what the processor spent on it, on all its threads, while everything is
 pinned to one core.
@@ -117,9 +117,10 @@ class Mitsuba:
     @property
     def command(self) -> str:
         settings = "".join(f", {k}={v!r}" for k, v in sorted(self.of.parameters.items()))
+        loaded = f"mi.load_file('{_shown_path(self.of)}'{settings})"
         return (
-            f"python -c \"import mitsuba as mi; mi.set_variant('{self.variant}'); mi.Bitmap(mi.render("
-            f"mi.load_file('{_shown_path(self.of)}'{settings}), spp={{spp}}, seed={{seed}})).write('out.exr')\""
+            f"python -c \"import mitsuba as mi; mi.set_variant('{self.variant}'); "
+            f"mi.Bitmap(mi.render({loaded}, spp={{spp}}, seed={{seed}})).write('out.exr')\""
         )
 
     def open(self) -> dict[str, float]:

@@ -183,14 +183,19 @@ def usable(levels: Sequence[Scores], reference_variance: float, reference_mean: 
 
 @dataclass(frozen=True)
 class Fit:
-    """log RMSE = slope · log n + offset."""
+    """A straight line on logarithmic axes: log RMSE = log_rmse + slope · (log n − log_spp)."""
 
     slope: Band
-    offset: float
+    log_spp: float
+    """Of the middle of the points."""
+    log_rmse: float
 
     def samples_for(self, rmse: float) -> float:
-        """Samples per pixel at which the line reaches `rmse`."""
-        return float(np.exp((np.log(rmse) - self.offset) / self.slope.value))
+        """Samples per pixel at which the line reaches `rmse`: that of slope −½ where the fitted slope may be
+        that, since far off a small error of the slope is a large one of the samples.
+        """
+        slope = SLOPE if self.slope.low <= SLOPE <= self.slope.high else self.slope.value
+        return float(np.exp(self.log_spp + (np.log(rmse) - self.log_rmse) / slope))
 
 
 def fit(levels: Sequence[Scores], error2: Callable[[Scores], float]) -> Fit | None:
@@ -201,13 +206,12 @@ def fit(levels: Sequence[Scores], error2: Callable[[Scores], float]) -> Fit | No
     if len(levels) < 3 or min(error2(one) for one in levels) <= 0:
         return None
 
-    def line(kept: NDArray[np.intp]) -> tuple[float, float]:
+    def slope(kept: NDArray[np.intp]) -> float:
         squares = [max(error2(one.keep(kept)), 1e-300) for one in levels]
-        slope, offset = np.polyfit(x, 0.5 * np.log(squares), 1)
-        return float(slope), float(offset)
+        return float(np.polyfit(x, 0.5 * np.log(squares), 1)[0])
 
-    rounds = len(levels[0].relmse)
-    return Fit(jackknife(rounds, lambda kept: line(kept)[0]), line(np.arange(rounds))[1])
+    middle = float(np.mean([0.5 * np.log(error2(one)) for one in levels]))
+    return Fit(jackknife(len(levels[0].relmse), slope), float(x.mean()), middle)
 
 
 @dataclass(frozen=True)
@@ -264,7 +268,8 @@ def efficiency(top: Scores, seconds_per_sample: float) -> Band:
     """
     band = jackknife(len(top.relmse), lambda kept: top.keep(kept).variance)
     scale = top.spp * seconds_per_sample
-    return Band(1 / (band.value * scale), 1 / (band.high * scale), 1 / (max(band.low, 1e-3 * band.value) * scale))
+    low = max(band.low, 1e-3 * band.value)
+    return Band(1 / (band.value * scale), 1 / (band.high * scale), 1 / (low * scale))
 
 
 def relative(band: Band, baseline: Band) -> Band:
@@ -276,8 +281,8 @@ def relative(band: Band, baseline: Band) -> Band:
 
 
 def line_of_times(times: Mapping[int, float]) -> tuple[float, float]:
-    """Seconds to start and seconds for each sample per pixel, from seconds by samples: a straight line, fitted
-    with errors of half a millisecond and 2 %.
+    """Seconds to start and seconds for each sample per pixel, from seconds by samples: a straight line,
+    fitted with errors of half a millisecond and 2 %.
     """
     spp = np.array(list(times), dtype=np.float64)
     seconds = np.array(list(times.values()))

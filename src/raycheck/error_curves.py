@@ -66,8 +66,7 @@ class Curve:
     sample_seconds: Spread | None = None
     """Process time of one sample of every pixel, over the rounds."""
     slope: Band | None = None
-    offset: float = 0.0
-    """The fitted line: log RMSE = slope · log spp + offset."""
+    """Of log RMSE over log samples."""
     relative_slope: Band | None = None
     """The same of the root of relMSE."""
     slope_without_outliers: Band | None = None
@@ -296,7 +295,6 @@ def measured_curve(entry: Entry, of: Variant, truth: Truth, rounds: int) -> Curv
         opened=entry.opened,
         sample_seconds=each,
         slope=whole.slope if whole else None,
-        offset=whole.offset if whole else 0.0,
         relative_slope=lines.relative.slope if lines.relative else None,
         slope_without_outliers=lines.without_outliers.slope if lines.without_outliers else None,
         flag=flag,
@@ -531,7 +529,8 @@ def read(path: Path) -> tuple[list[SceneCurves], dict]:
         found = json.loads(path.read_text(encoding="utf-8"))
         scenes = [from_dict(one) for one in found.pop("scenes")]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise NotFound(f"{path}: no result of raycheck report --json ({error or 'wrong structure'})") from None
+        what = error or "wrong structure"
+        raise NotFound(f"{path}: no result of raycheck report --json ({what})") from None
     return scenes, found
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import curves, pictures, words
+from raycheck import curves, pictures
 from raycheck.convergence import SLOPE, SLOPE_WITHIN, Band, Level
-from raycheck.curves import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Axes
+from raycheck.curves import LEFT, RIGHT, WIDTH, Axes
 from raycheck.error_curves import Curve, SceneCurves, Shown
 from raycheck.prices import number
 
@@ -136,7 +136,8 @@ def _drawn(
     lower = [axes.place(x, max(band.low, least)) for x, band in points]
     outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in [*upper, *reversed(lower)])
     band = f'<g class="curve{colour}"><polygon points="{outline}"/></g>'
-    return f"<g {known}>{title}{band}{curves.curve(colour, places, places)}{_whisker(axes, colour, points, spread)}</g>"
+    line = curves.curve(colour, places, places)
+    return f"<g {known}>{title}{band}{line}{_whisker(axes, colour, points, spread)}</g>"
 
 
 def _whisker(axes: Axes, colour: int, points: Places, spread: tuple[float, float] | None) -> str:
@@ -226,8 +227,8 @@ def efficiency_bars(scene: SceneCurves) -> Markup:
              f'aria-label="{escape(f"efficiency over that of {scene.baseline}: {about}")}">']  # fmt: skip
     for n in range(low, high + 1):
         x = across(10.0**n)
-        parts.append(f'<line class="grid" x1="{x:.1f}" y1="0" x2="{x:.1f}" y2="{height - 20}"/>'
-                     f'<text x="{x:.1f}" y="{height - 5}" text-anchor="middle">{_power(n)}</text>')  # fmt: skip
+        parts.append(f'<line class="grid" x1="{x:.1f}" y1="0" x2="{x:.1f}" y2="{height - 20}"/>')
+        parts.append(f'<text x="{x:.1f}" y="{height - 5}" text-anchor="middle">{_power(n)}</text>')
     chosen = colours(scene)
     for index, (curve, band) in enumerate(zip(shown, bands, strict=True)):
         y = index * (BAR + GAP) + 2
@@ -238,7 +239,8 @@ def efficiency_bars(scene: SceneCurves) -> Markup:
             f'<text x="{NAMES - 6}" y="{y + 13}" text-anchor="end">{escape(curve.name)}</text>'
             f'<g class="{kind}" data-name="{escape(curve.name)}"><rect x="{left:.1f}" y="{y}" '
             f'width="{max(right - left, 1):.1f}" height="{BAR}"/></g><line class="whisker" '
-            f'x1="{across(band.low):.1f}" y1="{y + BAR / 2}" x2="{across(band.high):.1f}" y2="{y + BAR / 2}"/>'
+            f'x1="{across(band.low):.1f}" y1="{y + BAR / 2}" '
+            f'x2="{across(band.high):.1f}" y2="{y + BAR / 2}"/>'
             f'<text x="{across(max(band.high, 1.0)) + 5:.1f}" y="{y + 13}">{number(band.value)}</text>'
         )
     return Markup("".join([*parts, "</svg>"]))
@@ -327,7 +329,7 @@ def slopes_summary(scenes: Sequence[SceneCurves], unbounded: Mapping[str, frozen
 
 
 def rgbe(image: Array) -> bytes:
-    """(H, W, 3) as four bytes a pixel, row by row: three mantissas m and an exponent e, value m·2^(e − 136)."""
+    """(H, W, 3) as four bytes a pixel, row by row: three mantissas m and an exponent e, m·2^(e − 136)."""
     image = np.maximum(image, 0.0)
     largest = image.max(axis=2)
     exponent = np.where(largest > 1e-30, np.frexp(largest)[1], -128).astype(np.int64)
@@ -349,7 +351,7 @@ def viewer(scene: SceneCurves, images: Mapping[str, Array]) -> dict | None:
         return {
             "name": one.name,
             "pixels": base64.b64encode(rgbe(images[one.key])).decode(),
-            "caption": f"{one.spp:,} spp, {words.duration(one.seconds)}, RMSE {one.rmse:.3g}, "
+            "caption": f"{one.spp:,} spp, {number(1e3 * one.seconds)} ms, RMSE {one.rmse:.3g}, "
             f"relMSE {one.relmse:.3g}",
             "command": one.command,
         }

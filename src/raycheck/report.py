@@ -12,9 +12,9 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from raycheck import curves, error_plots, pictures, references, renderers, speed, stability_plots, words
+from raycheck.contestants import oneray_line
 from raycheck.error_curves import Curve, SceneCurves
 from raycheck.error_curves import read as read_curves
-from raycheck.contestants import oneray_line
 from raycheck.images import Image
 from raycheck.references import Variant
 from raycheck.renderers import NotFound
@@ -128,7 +128,8 @@ def _verdicts(
     path: Path | None, on_case: Callable[[Case, int], None] | None, scenes: Sequence[Variant]
 ) -> dict:
     if path is None:
-        result: Verification = verify(None, [of.label if of.canonical else of.path for of in scenes], on_case=on_case)
+        names = [of.label if of.canonical else of.path for of in scenes]
+        result: Verification = verify(None, names, on_case=on_case)
         return json.loads(result.to_json())
     found = Verification.read(path)
     try:
