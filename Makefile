@@ -86,7 +86,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang patch libllvm19 valgrind
+	scripts/setup.sh clang patch libllvm19 valgrind chromium
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)
@@ -96,6 +96,7 @@ $(VENV)/.demo: pyproject.toml | $(PYTHON)
 	touch $@
 $(VENV)/.test: pyproject.toml | $(PYTHON)
 	$(PYTHON) -m pip install --quiet -e '.[mitsuba,test]'
+	command -v chromium >/dev/null || $(PYTHON) -m playwright install --with-deps chromium
 	touch $@
 
 # A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up.
@@ -105,7 +106,7 @@ VERIFY = $(RAYCHECK) verify --json $(BUILD)/verification.json || test $$? -eq 3
 demo: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(VERIFY)
-	$(RAYCHECK) report --verification $(BUILD)/verification.json -o $(BUILD)/report
+	$(RAYCHECK) report --seconds 0 --verification $(BUILD)/verification.json -o $(BUILD)/report
 	@echo "Open $(BUILD)/report/index.html"
 
 test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
@@ -125,6 +126,14 @@ techniques: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(RAYCHECK) techniques --json references/techniques.json
 	$(PYTHON) scripts/readme_prices.py
+
+# Error against run time: Ctrl-C and `make report` again go on where it was.
+report: $(BUILD)/.system-test $(VENV)/.test
+	$(MAKE) all
+	$(RAYCHECK) report --against mitsuba --seconds 2 --minutes 12 --verification references/verification.json \
+	    -o $(BUILD)/report --json references/error_curves.json
+	$(PYTHON) scripts/make_previews.py $(BUILD)/report/index.html
+	@echo "Open $(BUILD)/report/index.html"
 
 stability: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all

@@ -42,7 +42,7 @@
 
     function colours(one) {
       const factor = data.exposure * Math.pow(2, Number(find("exposure").value));
-      const scale = Number(find("scale").value) * data.mean, out = new Uint8ClampedArray(4 * width * height);
+      const scale = Number(find("range").value) * data.mean, out = new Uint8ClampedArray(4 * width * height);
       for (let i = 0; i < width * height; i++) {
         const p = one.pixels, r = reference.pixels;
         let rgb;
@@ -70,7 +70,7 @@
       const slider = find("by").value === "slider", errors = find("what").value === "error";
       find("flip").disabled = slider;
       find("exposure").disabled = errors;
-      find("scale").disabled = !errors;
+      find("range").disabled = !errors;
       const stops = Number(find("exposure").value);
       root.querySelector("output").textContent = `${stops > 0 ? "+" : ""}${stops} stops`.replace("-", "−");
       for (const view of root.querySelectorAll(".view")) {
@@ -114,7 +114,7 @@
         }
         about.append(line);
       }
-      const legend = view.querySelector(".legend"), scale = find("scale").selectedOptions[0].textContent.slice(1);
+      const legend = view.querySelector(".legend"), scale = find("range").selectedOptions[0].textContent.slice(1);
       legend.hidden = !errors;
       legend.querySelector(".low").textContent = `−${scale} of the mean`;
       legend.querySelector(".high").textContent = `+${scale}`;
