@@ -31,7 +31,7 @@ from raycheck.error_plots import flagged
 from raycheck.images import ImageError
 from raycheck.references import ReferenceError_
 from raycheck.renderers import NotFound, RenderError
-from raycheck.report import Races, kept_races, write_report
+from raycheck.report import Races, check_inputs, kept_races, write_report
 from raycheck.techniques import TECHNIQUES
 from raycheck.verdict import Outcome
 from raycheck.verify import Case, Verification, machine, raycheck_version
@@ -235,6 +235,7 @@ def report(
     _writable(json_file)
     with _plain_errors():
         wanted = [references.variant(scene) for scene in scenes or ()]
+        check_inputs(verification, benchmark, stability)
         if seconds > 0:
             field = _Field(against is not None, named_commands(renderer or ()), technique or ())
             races = _races(wanted, field, seconds, minutes, rounds, core, output)

@@ -74,6 +74,16 @@ def kept_races(path: Path | None = None) -> Races | None:
     return Races(scenes, header)
 
 
+def check_inputs(verification: Path | None, benchmark: Path | None, stability: Path | None) -> None:
+    """NotFound or another plain error if `write_report` could not read one of these files: said before a long
+    race, not after it.
+    """
+    if verification:
+        Verification.read(verification)
+    speed_section(benchmark)
+    stability_section(stability)
+
+
 def write_report(
     folder: Path,
     verification: Path | None = None,
