@@ -313,8 +313,8 @@ def flagged(scenes: Sequence[SceneCurves]) -> list[tuple[str, Curve]]:
 
 
 def slopes_summary(scenes: Sequence[SceneCurves], unbounded: Mapping[str, frozenset[str]]) -> tuple[int, int]:
-    """How many techniques with bounded, independent samples have a slope within −½ ± 0.03, and how many there
-    are; the slope of RMSE where its interval is narrow enough to say, else that of √relMSE.
+    """How many curves of bounded, independent samples have a fitted slope of RMSE within −½ ± 0.03, and how
+    many there are.
     """
     within = total = 0
     for scene in scenes:
