@@ -110,8 +110,11 @@ typedef struct {
     bool used;
 } Parameter;
 
-/* Reads FILE or ends the program with one line "FILE:LINE: …" on standard error and exit status 2. */
-Description *description_read(const char *file, Parameter *parameters, int parameter_count);
+/* Reads FILE or ends the program with one line "FILE:LINE: …" on standard error and exit status 2. `size` is
+   what the image's width and height shall be instead of the file's; 0 or NULL: the file's, or as the other one
+   demands. */
+Description *description_read(
+    const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2]);
 void description_free(Description *description);
 
 #endif

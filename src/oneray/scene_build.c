@@ -16,6 +16,7 @@ typedef struct {
     Description *description;
     int default_material;                         /* of shapes without a bsdf, once one needs it */
     const Node *constant;                         /* the one environment that Mitsuba allows */
+    const uint64_t *size;                         /* that the image shall have, or NULL */
 } Builder;
 
 typedef struct {
@@ -51,14 +52,8 @@ static Node *only_child(const Node *node, const char *tag)
     return found;
 }
 
-/* Appends to one of the description's arrays, whose room doubles: a power of two elements fill it. */
-static void *append_to(void *array, int *count, size_t size)
-{
-    if ((*count & (*count - 1)) == 0)
-        array = reallocate(array, 2 * (size_t)*count + 1, size);
-    ++*count;
-    return array;
-}
+/* Appends to one of the description's arrays. */
+static void *append_to(void *array, int *count, size_t size) { return room_for(array, (*count)++, size); }
 
 /* Materials. A bsdf that several shapes refer to becomes one material. */
 
@@ -499,6 +494,18 @@ static void read_box(Builder *builder, Node *node)
 
 static const Plugin rfilters[] = {{"box", read_box}};
 
+static double derived(double side) { return fmin(fmax(rint(side), 1), 1 << 28); }
+
+/* Another size; with one of the two the image keeps its shape. */
+static void set_size(Sensor *sensor, const uint64_t size[2])
+{
+    double width = (double)size[0], height = (double)size[1], shape = (double)sensor->width / sensor->height;
+    if (width > 0 || height > 0) {
+        sensor->width = (int)(width > 0 ? width : derived(height * shape));
+        sensor->height = (int)(height > 0 ? height : derived(width / shape));
+    }
+}
+
 static void read_hdrfilm(Builder *builder, Node *node)
 {
     Sensor *sensor = &builder->description->sensor;
@@ -512,6 +519,8 @@ static void read_hdrfilm(Builder *builder, Node *node)
     sensor->width = 768;
     sensor->height = 576;
     read_properties(node, properties, COUNT(properties), "rfilter");
+    if (builder->size)
+        set_size(sensor, builder->size);
     if ((int64_t)sensor->width * sensor->height > 1 << 28)
         fail(node, "%d x %d pixels are more than 2^28", sensor->width, sensor->height);
     Node *rfilter = only_child(node, "rfilter");
@@ -662,12 +671,13 @@ static void check_lengths(const Description *d, const char *file, int sensor_lin
             check_length(file, d->lights[i].line, d->lights[i].position[axis]);
 }
 
-Description *description_read(const char *file, Parameter *parameters, int parameter_count)
+Description *description_read(
+    const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2])
 {
     SceneFile *scene = scene_file_open(file, parameters, parameter_count);
     Description *d = allocate(1, sizeof *d);
     *d = (Description){.sample_count = 4, .max_depth = -1, .rr_depth = 5, .hash = scene->hash};
-    Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE};
+    Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE, .size = size};
     read_scene(&builder, scene->root);
     check_lengths(d, file, only_child(scene->root, "sensor")->line);
     scene_file_close(scene);

@@ -21,6 +21,18 @@ GROSS_RATIO = 30.0
 """Mean squared difference over its expected noise, from which a mistake counts as gross…"""
 GROSS_SIZE = 0.02
 """…if it is also at least this large, relative to the image."""
+SHARED = 0.5
+"""Correlation of the noise of neighbouring pixels, or of two seeds, from which it is a mistake."""
+RARE = 2.0
+"""Deviations from which a pixel's noise counts no more: rare events alone would correlate by chance."""
+FEWEST_VARYING = 256
+"""Pixels that must vary for their correlation to say anything."""
+GROWTH_ERROR, GROWTH_ERRORS = 0.7, 5.0
+"""Standard error of the logarithm of a region's variance from eight images, and how many of the median's are
+beyond chance.
+"""
+FEWER_NOISY = 0.5
+"""Variance of a sample over the reference's, below which samples that are too dark look clamped."""
 
 
 def size_problem(image: Image, height: int, width: int) -> str | None:
@@ -67,6 +79,68 @@ def seed_problem(digests: list[str], labels: list[str], reference_varies: bool) 
     return (
         f"only {len(set(digests))} of {len(digests)} images differ, {pair} gave the same one: "
         "every seed must give samples of its own"
+    )
+
+
+def shared_noise(images: Array) -> str | None:
+    """Seeds, or neighbouring pixels, whose noise is alike: too little is measured between them."""
+    grey = images.mean(axis=3)
+    deviation = grey.std(axis=0)
+    varies = deviation > 0
+    if varies.sum() < FEWEST_VARYING or len(images) < 8:
+        return None
+    noise = np.clip((grey - grey.mean(axis=0)) / np.where(varies, deviation, 1.0), -RARE, RARE)
+    noise -= noise.mean(axis=0)
+    size = noise.std(axis=0)
+    noise = np.where(varies, noise / np.where(size > 0, size, 1.0), 0.0)
+    of_seeds = np.tensordot(noise, noise, axes=([1, 2], [1, 2])) / varies.sum()
+    np.fill_diagonal(of_seeds, 0.0)
+    if of_seeds.max() > SHARED:
+        one, other = sorted(np.unravel_index(int(of_seeds.argmax()), of_seeds.shape))
+        return (
+            f"images {one + 1} and {other + 1} share noise (correlation {of_seeds.max():.2f}): "
+            "different seeds must give different samples"
+        )
+    for step, where in ((noise[:, :, 1:] * noise[:, :, :-1], "side by side"),
+                        (noise[:, 1:] * noise[:, :-1], "above each other")):  # fmt: skip
+        pairs = (varies[:, 1:] & varies[:, :-1]) if where == "side by side" else (varies[1:] & varies[:-1])
+        alike = float(step.mean(axis=0)[pairs].mean()) if pairs.sum() >= FEWEST_VARYING else 0.0
+        if alike > SHARED:
+            return (
+                f"pixels {where} share noise (correlation {alike:.2f}): they use the same random numbers, or "
+                "a filter wider than the pixel, where the scene asks for a box"
+            )
+    return None
+
+
+def stuck_noise(few: Array, spp: int, many: Array, more: int) -> str | None:
+    """Noise that more samples do not lessen. `few` and `many` are means of tame regions (B, R, 3), at `spp`
+    and `more` samples per pixel; the median over the regions is taken of the variance per sample.
+    """
+    before, after = few.var(axis=0, ddof=1).mean(axis=1), many.var(axis=0, ddof=1).mean(axis=1)
+    varies = (before > 0) & (after > 0)
+    if not varies.any() or more == spp:
+        return None
+    growth = float(np.median(np.log(after[varies] * more / (before[varies] * spp))))
+    stuck = math.log(more / spp)
+    error = GROWTH_ERROR / math.sqrt(varies.sum())
+    if abs(growth - stuck) > abs(growth) or abs(growth) < GROWTH_ERRORS * error:
+        return None
+    return (
+        f"{more / spp:.2g} times the samples have {math.exp(growth - stuck):.2g} of the variance, not "
+        f"{spp / more:.2g}: the samples of a pixel are not independent, are they all of one seed?"
+    )
+
+
+def clamped_samples(bias: float, noise: float) -> str | None:
+    """Too dark and yet calmer than the reference's renderer at equal samples: what is missing is the rare
+    bright ones. `noise` is the ratio of the variances, `bias` that of the image, relative.
+    """
+    if bias >= 0 or noise > FEWER_NOISY:
+        return None
+    return (
+        f"the image is too dark and its samples vary {noise:.2g} times as much as the reference's: it looks "
+        "as if bright samples were clamped, or never taken"
     )
 
 
@@ -135,11 +209,14 @@ def _noise(images: Array, tiles: list[Tile]) -> Array:
 
 
 def _mismatch(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array, noise: Array) -> float:
-    """Mean squared relative difference of tiles over what noise alone would give (with rounding as its
-    floor).
+    """Mean squared difference of tiles, relative to the brighter of the two, over what noise alone would give
+    (with rounding as its floor). No tile counts for more than 1, so that a lamp where none should be does not
+    outweigh the rest of the image.
     """
-    difference = region_means(mean - reference, tiles) / yardstick
-    return float((difference**2).mean() / ((noise / yardstick**2).mean() + 1e-8))
+    found = region_means(mean, tiles)
+    brighter = np.maximum(yardstick, np.abs(found))
+    difference = (found - region_means(reference, tiles)) / brighter
+    return float((difference**2).mean() / ((noise / brighter**2).mean() + 1e-8))
 
 
 def _factor(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array) -> float:

@@ -1,5 +1,6 @@
-"""The command line: raycheck verify, compare, report, techniques, stability, reference."""
+"""The command line: raycheck verify, compare, report, techniques, stability, reference, render."""
 
+import functools
 import math
 import os
 import shlex
@@ -16,8 +17,19 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck import error_curves, mitsuba_reference, prices, reference_making, references, words
+from raycheck import (
+    calibrate_cli,
+    diagnose_cli,
+    error_curves,
+    mitsuba_reference,
+    prices,
+    reference_making,
+    references,
+    render_command,
+    words,
+)
 from raycheck import stability as stiff
+from raycheck.cli_support import make_console, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
 from raycheck.contestants import (
     Contestant,
@@ -28,23 +40,25 @@ from raycheck.contestants import (
     pinned,
 )
 from raycheck.error_plots import flagged
-from raycheck.images import ImageError
-from raycheck.references import ReferenceError_
-from raycheck.renderers import NotFound, RenderError
+from raycheck.junit import junit_xml
+from raycheck.renderers import NotFound
 from raycheck.report import Races, check_inputs, kept_races, write_report
 from raycheck.techniques import TECHNIQUES
-from raycheck.verdict import Outcome
+from raycheck.verdict import Limits, Outcome
 from raycheck.verify import Case, Verification, machine, raycheck_version
 from raycheck.verify import verify as run_verification
 
+TILE_LIMITS = Limits.tile / Limits.image
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
 FEW_COMMANDS = """\
-raycheck judges Monte Carlo renderers against references. The three commands that matter:
+raycheck judges Monte Carlo renderers against references. The commands that matter:
 
   raycheck verify point-light --renderer "./mine {scene} --spp {spp} --seed {seed} -o {output}"
       Is your renderer right on average? PASS, FAIL and what is wrong, or INCONCLUSIVE and what would decide.
   raycheck verify cornell-box --images 'mine-*.exr'
       The same for pictures that are already rendered.
+  raycheck diagnose mine.exr
+      Which known mistake makes an image like this?
   raycheck compare A.exr B.exr
       Do two renders with standard errors show the same mean?
 
@@ -57,6 +71,8 @@ Settings = Annotated[
 ]
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+app.add_typer(calibrate_cli.app, name="calibrate")
+app.command()(diagnose_cli.diagnose)
 
 
 def _show_version(value: bool) -> None:
@@ -102,6 +118,20 @@ def verify(
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
     ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the verdicts here as JUnit XML, for CI.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
+    ] = None,
+    delta: Annotated[
+        float,
+        typer.Option(
+            min=1e-4,
+            max=0.5,
+            help="A PASS means: the image within this of the reference, tiles within 5 times.",
+        ),
+    ] = Limits.image,
     thorough: Annotated[
         bool, typer.Option("--thorough", help="As many samples as the committed result has.")
     ] = False,
@@ -119,19 +149,25 @@ def verify(
     """Judge a renderer: exit status 1 if anything FAILs, else 3 if anything is INCONCLUSIVE, else 0; 2: could
     not run.
     """
-    _writable(json_file)
-    with _progress("verifying") as on_case, _plain_errors():
+    writable(json_file)
+    writable(junit)
+    with _progress("verifying") as on_case, plain_errors():
+        if thorough and seconds is not None:
+            raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
         if resume and json_file is None:
             raise NotFound("--resume goes on with the run in --json FILE: name it")
         kept = Verification.read(json_file).cases if resume and json_file.is_file() else []
         result = run_verification(
             renderer, scenes or (), parameters=parse_settings(settings), techniques=technique or (),
-            images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout,
+            images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
+            limits=Limits(image=delta, tile=TILE_LIMITS * delta),
             earlier=kept, on_case=_saving(json_file, kept, on_case) if thorough else on_case,
         )  # fmt: skip
     show(result)
     if json_file:
-        _replace(json_file, result.to_json())
+        replace(json_file, result.to_json())
+    if junit:
+        replace(junit, junit_xml(result))
     raise typer.Exit(result.exit_status)
 
 
@@ -144,10 +180,10 @@ def compare(
     ] = None,
 ) -> None:
     """Do two images with standard errors show the same mean? Exit status as in verify."""
-    _writable(json_file)
-    with _plain_errors():
+    writable(json_file)
+    with plain_errors():
         result = compare_images(a, b)
-    console = _console()
+    console = make_console()
     console.print(f"[{COLOURS[result.verdict]}]{result.verdict}[/]", end=" ")
     console.print(result.reason, markup=False)
     if json_file:
@@ -232,8 +268,8 @@ def report(
     ] = None,
 ) -> None:  # fmt: skip
     """Leave one offline page: error against run time, pictures, error maps and verdicts."""
-    _writable(json_file)
-    with _plain_errors():
+    writable(json_file)
+    with plain_errors():
         wanted = [references.variant(scene) for scene in scenes or ()]
         check_inputs(verification, benchmark, stability)
         if seconds > 0:
@@ -244,7 +280,7 @@ def report(
         with _progress("verifying") as on_case:
             page = write_report(output, verification, on_case, benchmark, stability, wanted, races)
     if json_file and races:
-        _replace(json_file, error_curves.to_json(races.scenes, races.header))
+        replace(json_file, error_curves.to_json(races.scenes, races.header))
     for scene, curve in flagged(races.scenes if races and seconds > 0 else ()):
         typer.echo(f"{scene}, {curve.name}: {curve.flag}: {curve.why}")
     typer.echo(f"{page}: open it in a browser")
@@ -304,15 +340,15 @@ def techniques(
     ] = None,
 ) -> None:
     """What each technique of oneray costs: variance and time of a sample, against the plain random walk."""
-    _writable(json_file)
-    with _progress("pricing") as on_case, _plain_errors():
+    writable(json_file)
+    with _progress("pricing") as on_case, plain_errors():
         wanted = prices.scenes_named(scenes or (), parse_settings(settings))
         result = prices.price_list(wanted, rounds=rounds, seconds=seconds, spp=spp, on_case=on_case)
     _show_prices(result)
     if json_file:
         budget = {"spp": spp} if spp else {"seconds": seconds}
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()} | budget
-        _replace(json_file, prices.to_json(result, header))
+        replace(json_file, prices.to_json(result, header))
 
 
 @app.command()
@@ -331,8 +367,8 @@ def stability(
     """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
     status 1 if oneray misses a goal.
     """
-    _writable(json_file)
-    with _progress("sweeping") as on_case, _plain_errors():
+    writable(json_file)
+    with _progress("sweeping") as on_case, plain_errors():
         wanted = stiff.cases_named(cases or ())
         results = stiff.run(wanted, quick, seed, on_case)
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -340,19 +376,19 @@ def stability(
         table.add_column(name, no_wrap=index < 4)
     for result in results:
         table.add_row(*stiff.row(result), style=None if result.holds() else "red")
-    _console().print(table)
+    make_console().print(table)
     missed = [result.case for result in results if not result.holds()]
     met = "all that was swept holds" if quick else f"all {len(results)} goals are met"
-    _console().print(f"goals missed: {', '.join(missed)}" if missed else met)
+    make_console().print(f"goals missed: {', '.join(missed)}" if missed else met)
     if json_file:
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()}
-        _replace(json_file, stiff.to_json(results, header))
+        replace(json_file, stiff.to_json(results, header))
     raise typer.Exit(1 if missed else 0)
 
 
 def _show_prices(result: list[prices.ScenePrices]) -> None:
     """A table of each scene, and what the techniques in them are."""
-    console = _console()
+    console = make_console()
     for one in result:
         table = Table(box=None, pad_edge=False, header_style="bold")
         for index, name in enumerate(prices.COLUMNS):
@@ -411,7 +447,7 @@ def reference(
     goal = reference_making.Goal(
         image=image_error, tile=tile_error, checked_tile=2 * tile_error, most_seconds=seconds
     )
-    with _plain_errors():
+    with plain_errors():
         wanted = _wanted_references(scenes, parse_settings(settings), every)
         if not wanted:
             typer.echo("all references are fresh")
@@ -433,7 +469,7 @@ def _make_references(
 ) -> None:
     """Plan all, say how long it will take, then render the short ones first."""
     variant = mitsuba_reference.choose_variant() if by is Maker.MITSUBA else ""
-    console = _console()
+    console = make_console()
     work = []
     for of in wanted:
         renderer = (
@@ -473,7 +509,7 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
 
 def show(result: Verification) -> None:
     """The table of verdicts, and a sentence for each that is not PASS."""
-    console = _console()
+    console = make_console()
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("scene", "technique"):
         table.add_column(name, no_wrap=True)
@@ -529,11 +565,6 @@ def _row(case: Case) -> list[str]:
     ]
 
 
-def _console() -> Console:
-    """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
-    return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
-
-
 @contextmanager
 def _progress(what: str):
     """A progress bar with the time left on a terminal's standard error, nothing in a pipe."""
@@ -551,17 +582,16 @@ def _progress(what: str):
         yield on_case
 
 
-@contextmanager
-def _plain_errors():
-    """One line on standard error and exit status 2 where nothing could be judged."""
-    try:
-        yield
-    except (NotFound, ReferenceError_, ImageError, RenderError) as error:
-        typer.echo(f"raycheck: {error}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("raycheck: interrupted", err=True)
-        raise typer.Exit(130) from None
+def _with_plain_errors(command: Callable[..., None]) -> Callable[..., None]:
+    @functools.wraps(command)
+    def run(*values: object, **options: object) -> None:
+        with plain_errors():
+            command(*values, **options)
+
+    return run
+
+
+app.command()(_with_plain_errors(render_command.render))
 
 
 def _saving(
@@ -573,25 +603,11 @@ def _saving(
     def save(case: Case, total: int) -> None:
         done[case.scene, case.technique] = case
         if path:
-            _replace(path, Verification(list(done.values())).to_json())
+            replace(path, Verification(list(done.values())).to_json())
         if on_case:
             on_case(case, total)
 
     return save
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
-    partial = path.with_name(f".{path.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
-
-
-def _writable(path: Path | None) -> None:
-    """Say before a long run, not after it, that its result cannot be written."""
-    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
-        typer.echo(f"raycheck: {path}: there is no such folder, or it is one", err=True)
-        raise typer.Exit(2)
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ import os
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raycheck import checks, references, renderers, words
+from raycheck import checks, diagnosis, references, renderers, words
 from raycheck.images import Image, ImageError, load_image
 from raycheck.pilot import (
     Goals,
@@ -168,7 +168,7 @@ class Settings:
 
 def verify(
     renderer: str | Callable[[Path, int, int], ArrayLike] | renderers.Renderer | None = None,
-    scenes: Sequence[str | Path] = (),
+    scenes: str | Path | Sequence[str | Path] = (),
     *,
     parameters: Mapping[str, str] | None = None,
     techniques: Sequence[str] = (),
@@ -188,14 +188,15 @@ def verify(
     `renderer` is a command with {output} and where it can {scene} {spp} {seed}, a callable render(scene, spp,
     seed) that returns (H, W, 3) linear radiance, or None for oneray with every technique that applies (or
     those named). `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes`
-    are canonical names, labels ("furnace@depth=2") or scene files; none means all canonical ones, of which a
-    quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
-    scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
-    quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
-    same. `on_case(case, cases in all)` is called after each verdict. Raises `renderers.NotFound` where
-    nothing can be judged.
+    are canonical names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical
+    ones, of which a quick run of oneray picks cases that take in every technique and scene, and a thorough
+    one adds the scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the
+    budget of a quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference
+    are still the same. `on_case(case, cases in all)` is called after each verdict. Raises
+    `renderers.NotFound` where nothing can be judged.
     """
     started = time.perf_counter()
+    scenes = [scenes] if isinstance(scenes, str | Path) else scenes
     named = [references.variant(scene, parameters) for scene in scenes or references.scene_names()]
     jobs = jobs or min(2, os.cpu_count() or 1)
     if images is not None:
@@ -287,8 +288,7 @@ def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> C
             unbounded=task.unbounded, **figures,
         )  # fmt: skip
 
-    key = f"{task.label}/{task.technique}/{settings.seed}"
-    seeds = make_seeds(key, 1 + PILOT_IMAGES + 2 * BATCHES + TIMING_SEEDS, taken)
+    seeds = case_seeds(task.label, task.technique, settings.seed, taken)
     try:
         with _pool(settings.jobs) as pool:
             return _judge_renders(_Trial(task, truth, settings, pool), seeds, case)
@@ -298,6 +298,11 @@ def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> C
         return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
     except renderers.RenderError as error:
         return case(Outcome.FAIL, str(error))
+
+
+def case_seeds(label: str, name: str, seed: int, taken: Collection[int] = ()) -> list[int]:
+    """Of a case's renders: one, the pilot's, the judged sets', and those that time is measured by."""
+    return make_seeds(f"{label}/{name}/{seed}", 1 + PILOT_IMAGES + 2 * BATCHES + TIMING_SEEDS, taken)
 
 
 @contextmanager
@@ -387,15 +392,28 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
     set_a, _ = trial.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
     set_b, _ = trial.render(spp or 1, seeds[second : second + BATCHES])
     trial.check_seeds()
-    target = region_means(truth.mean, regions)
+    both = np.concatenate([set_a, set_b])
+    problem = checks.shared_noise(both)
+    if not fixed and not problem:
+        tame = truth.regions(first_spp, pilot.skewness)
+        few = region_means(pilot_images, tame)
+        problem = checks.stuck_noise(few, first_spp, region_means(both, tame), spp or 1)
+    if problem and trial.task.independent:
+        return case(Outcome.FAIL, problem, spp=spp, images=2 * BATCHES)
+    means = region_means(both, regions)
+    residuals = means - region_means(truth.mean, regions)
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
-    residuals = (region_means(images, regions) - target for images in (set_a, set_b))
-    found = judge(*residuals, expected, settings.limits)
+    found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
     if found.outcome is Outcome.FAIL:
-        mistake = trial.mistake(np.concatenate([set_a, set_b]))
+        mistake = trial.mistake(both)
+        if not mistake and not fixed:
+            mistake = checks.clamped_samples(found.bias_high, pilot.noise)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
     found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
+    if found.outcome is Outcome.FAIL and not mistake:
+        guess = diagnosis.likely(trial.task.label, both, truth)
+        sentence += f"; it looks like this mistake: “{guess.mistake.rstrip('.')}”" if guess else ""
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
 
 

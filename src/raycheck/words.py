@@ -55,10 +55,11 @@ def _failure(found: Judgement, regions: list[Tile], height: int, width: int) -> 
     if tiles:
         largest = max(tiles, key=lambda f: min(abs(f.low), abs(f.high)) if f.low * f.high > 0 else 0.0)
         where = place(regions[largest.region], height, width)
-        parts.append(
-            f"{found.tile_differences} of {len(regions) - 1} tiles differ, most of all {where}, which is "
-            f"{_amount(largest)} in {CHANNELS[largest.channel]}"
-        )
+        count, total = found.tile_differences, len(regions) - 1
+        which = f"all {total} tiles differ" if count == total else f"{count} of {total} tiles differ"
+        others = "" if count > total / 2 else ", and no difference is seen in the others"
+        amount = f"{_amount(largest)} in {CHANNELS[largest.channel]}"
+        parts.append(f"{which}, most of all {where}, which is {amount}{others}")
     if not parts:
         parts.append(
             "no single tile is far off, but together the tiles differ from the reference by more than noise"

@@ -1,0 +1,105 @@
+"""raycheck calibrate: measure raycheck itself, into references/calibration.json."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raycheck import mutants, references
+from raycheck.calibration import kills, naming, nulls, signatures
+from raycheck.cli_support import plain_errors, replace
+from raycheck.mutants import Mutant
+from raycheck.renderers import NotFound
+
+app = typer.Typer(help="Measure raycheck itself: false alarms, kill rate, detectable bias, naming.")
+
+WORK = mutants.ROOT / "build/calibration"
+Names = Annotated[list[str] | None, typer.Argument(metavar="[MUTANT]...", help="All by default.")]
+Folder = Annotated[
+    Path, typer.Option("--work", metavar="DIR", help="Where results are kept, so that a run can go on.")
+]
+Result = Annotated[
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="The section is put in here; references/calibration.json."),
+]
+
+
+@app.command(name="nulls")
+def run_nulls(
+    sets: Annotated[
+        int, typer.Option(min=1, help="Of images, for each configuration; 8 verdicts each.")
+    ] = 40,
+    work: Folder = WORK,
+    json_file: Result = None,
+) -> None:
+    """False alarms: correct renderers judged with fresh seeds, and p-values that should be even."""
+    with plain_errors():
+        file = _ready(work) / "nulls.jsonl"
+        for found in nulls.measure_nulls(file, sets):
+            failed = [found.outcomes.count("FAIL"), found.whole == "FAIL"]
+            typer.echo(f"{found.configuration} {found.index}: {'FALSE ALARM' if any(failed) else 'no alarm'}")
+        summary = nulls.summary(file)
+        summary.pop("power")
+        _put("nulls", summary, json_file)
+
+
+@app.command()
+def mde(work: Folder = WORK, json_file: Result = None) -> None:
+    """The printed detectable bias, injected at 0.5, 1 and 2 times into the images of `nulls`."""
+    with plain_errors():
+        file = work / "nulls.jsonl"
+        if not nulls.read_lines(file):
+            raise NotFound(f"{file}: there are no images yet; run raycheck calibrate nulls first")
+        _put("mde", nulls.summary(file)["power"], json_file)
+
+
+@app.command(name="mutants")
+def run_mutants(names: Names = None, work: Folder = WORK, json_file: Result = None) -> None:
+    """Kill rate, beside the rules of other projects on the same images."""
+    with plain_errors():
+        wanted, file = _wanted(names), _ready(work) / "kills.jsonl"
+        for found in kills.measure_kills(file, wanted):
+            rules = [rule for rule, rejected in found[0].rejected.items() if rejected]
+            effect = "no image" if found[0].effect is None else f"{found[0].effect:.3g} detectable biases"
+            typer.echo(f"{found[0].name} ({effect}): rejected by {', '.join(rules) or 'none'}")
+        _put("mutants", kills.summary(file, wanted), json_file)
+
+
+@app.command(name="signatures")
+def run_signatures(work: Folder = WORK) -> None:
+    """Signature images of the mistakes, into references/signatures."""
+    with plain_errors():
+        wanted = _wanted(None)
+        for pair in signatures.render_pairs(_ready(work) / "signatures", wanted):
+            typer.echo(f"{pair.mutant.name} on {pair.scene}")
+        typer.echo(str(signatures.write_signatures(work / "signatures", wanted)))
+
+
+@app.command(name="naming")
+def run_naming(work: Folder = WORK, json_file: Result = None) -> None:
+    """How often a mistake is called by its name, by the images that `signatures` made."""
+    with plain_errors():
+        _put("naming", naming.summary(work / "signatures", _wanted(None)), json_file)
+
+
+def _wanted(names: list[str] | None) -> list[Mutant]:
+    found = mutants.catalogue()
+    unknown = set(names or ()) - {mutant.name for mutant in found}
+    if unknown:
+        raise NotFound(f"there is no mutant {', '.join(sorted(unknown))} in {mutants.FOLDER}")
+    return [mutant for mutant in found if not names or mutant.name in names]
+
+
+def _ready(work: Path) -> Path:
+    work.mkdir(parents=True, exist_ok=True)
+    return work
+
+
+def _put(section: str, figures: object, json_file: Path | None) -> None:
+    """Replace one section of the file as a whole or not at all, and print it."""
+    path = json_file or references.references_dir() / "calibration.json"
+    found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    text = json.dumps({**found, section: figures}, indent=1, ensure_ascii=False) + "\n"
+    replace(path, text)
+    typer.echo(json.dumps(figures, indent=1, ensure_ascii=False))

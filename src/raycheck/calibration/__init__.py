@@ -1,0 +1,1 @@
+"""Measuring raycheck itself: false alarms, kill rate, detectable bias, naming."""

@@ -1,0 +1,258 @@
+"""False alarms: correct renderers judged again and again with fresh seeds; and biases injected into them.
+
+A set is 8 pilot images and twice 32 judged ones. It gives a verdict on the whole image and one on each
+of eight parts, whose pixels are independent of each other: those on the parts are what is counted.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck import mutants, references
+from raycheck import statistics as st
+from raycheck.calibration import rivals, trials
+from raycheck.seeds import make_seeds
+from raycheck.tiles import Tile
+from raycheck.truth import Truth
+from raycheck.verdict import Expected, Outcome, judge
+from raycheck.verify import BATCHES, PILOT_IMAGES
+
+Array = NDArray[np.float64]
+
+SPP = 4
+LEVELS = (1e-2, 1e-3)
+STRENGTHS = (0.5, 1.0, 2.0)
+"""Injected biases, in minimal detectable ones."""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A correct renderer and a scene."""
+
+    scene: str
+    by: str
+    """A technique of oneray, or "mitsuba"."""
+    why: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.scene}/{self.by}"
+
+
+CONFIGURATIONS = (
+    Configuration("point-light", "nee", "closed form, hardly any noise"),
+    Configuration("area-light", "mis-power", "closed form, soft shadow"),
+    Configuration("many-lights", "nee-contribution", "closed form, light choice"),
+    Configuration("furnace", "walk-cosine", "closed form, random walk and roulette"),
+    Configuration("cornell-box", "mis-power", "Mitsuba's reference"),
+    Configuration("caustic", "mis-power", "fireflies"),
+    Configuration("spherical-light", "mis-sobol", "Sobol' points"),
+    Configuration("glass-ball", "mis-power", "glass, skewed samples"),
+    Configuration("area-light", "light", "light tracing: pixels share paths"),
+    Configuration("cornell-box", "mitsuba", "Mitsuba judged by its own references"),
+)
+
+Render = Callable[[list[int]], Array]
+"""From seeds to images (n, H, W, 3)."""
+
+
+def oneray_render(configuration: Configuration) -> Render:
+    program = trials.Program(mutants.program(None), configuration.by)
+    return lambda seeds: program.images(configuration.scene, [(SPP, seed) for seed in seeds])
+
+
+def mitsuba_render(configuration: Configuration) -> Render:
+    import mitsuba
+
+    mitsuba.set_variant("scalar_rgb")
+    scene = mitsuba.load_file(str(references.scene_path(configuration.scene)))
+    return lambda seeds: np.stack(
+        [np.array(mitsuba.render(scene, spp=SPP, seed=seed), dtype=np.float64) for seed in seeds]
+    )
+
+
+PARTS = (4, 2)
+"""Rows and columns of parts; those of an image of 32×32 pixels hold two tiles each, of 64×64 eight."""
+
+
+def parts_of(truth: Truth) -> list[tuple[Tile, Truth]]:
+    """The image's parts as images of their own."""
+    height, width = truth.shape[0] // PARTS[0], truth.shape[1] // PARTS[1]
+    parts = []
+    for row, column in np.ndindex(PARTS):
+        tile = Tile(row * height, column * width, height, width)
+        rows, columns = tile.window
+        skewness = {
+            size: table[rows.start // size : rows.stop // size, columns.start // size : columns.stop // size]
+            for size, table in truth.skewness.items()
+            if size <= min(height, width)
+        }
+        arrays = {name: getattr(truth, name)[tile.window] for name in ("mean", "variance", "sample_variance")}
+        parts.append((tile, replace(truth, skewness=skewness, **arrays)))
+    return parts
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One verdict on a correct renderer."""
+
+    outcome: Outcome
+    p: Counter
+    """From "image", "tile" or "omnibus" and a level to how many p-values were below it, and to how many there
+    were: of single sets, two-sided, without any allowance.
+    """
+    noticed: dict[str, list[bool]]
+    """By "image", "tile", "verdict": was a bias of so many minimal detectable ones noticed?"""
+
+
+def judge_null(images: Array, pilot_images: Array, truth: Truth) -> Judged:
+    """What `raycheck verify` says of 64 images at SPP samples, and what it would say if they were biased."""
+    sets = trials.judge_images(images, pilot_images, truth, SPP, SPP)
+    outcome = Outcome.FAIL if sets.fails else sets.found.outcome
+    return Judged(outcome, _p_values(sets.first, sets.second, sets.expected), _injected(sets))
+
+
+def _p_values(first: Array, second: Array, expected: Expected) -> Counter:
+    counts: Counter = Counter()
+    zero = np.zeros_like(expected.mean)
+    found = [st.moments(r, expected.variance, expected.batches) for r in (first, second)]
+    for residuals, own, other in ((first, *found), (second, *found[::-1])):
+        p = np.minimum(1.0, 2 * np.minimum(*st.one_sided_p(own, zero)))
+        varies = ~own.exact & (np.ptp(residuals, axis=0) > 0)
+        families = {"image": p[0][varies[0]], "tile": p[1:][varies[1:]]}
+        usable = ~own.exact[1:] & ~other.exact[1:]
+        weights = np.where(usable, 1 / np.where(usable, other.spread[1:], 1.0) ** 2, 0.0)
+        if len(expected.mean) > 2:
+            together, _ = st.omnibus(residuals[:, 1:], expected.variance[1:], weights, zero[1:])
+            families["omnibus"] = np.array([together] if together < 1 else [])
+        for family, values in families.items():
+            counts[f"{family} of"] += len(values)
+            for level in LEVELS:
+                counts[f"{family} {level:g}"] += int((values <= level).sum())
+    return counts
+
+
+def _injected(sets: trials.Sets) -> dict[str, list[bool]]:
+    """The image brightened in the channel of the worst detectable bias by multiples of it; and so the tile
+    that nine tenths of the tiles are at least as sensitive as.
+    """
+    noticed: dict[str, list[bool]] = {"image": [], "tile": [], "verdict": []}
+    scale = np.where(sets.expected.yardstick > 0, sets.expected.yardstick, 1.0)
+    mde = sets.detectable()
+    worst = int(np.argmax(mde[0] / scale[0]))
+    by_tile = (mde[1:] / scale[1:]).max(axis=1)
+    tile = 1 + int(np.argsort(by_tile)[int(np.ceil(0.9 * len(by_tile))) - 1]) if len(by_tile) else 0
+    channel = int(np.argmax(mde[tile] / scale[tile]))
+    for strength in STRENGTHS:
+        noticed["image"].append(_notices(sets, (0, worst), strength * mde))
+        noticed["tile"].append(_notices(sets, (tile, channel), strength * mde))
+        everywhere = strength * sets.found.mde_image * scale
+        verdict = judge(sets.first + everywhere, sets.second + everywhere, sets.expected)
+        noticed["verdict"].append(verdict.outcome is Outcome.FAIL)
+    return noticed
+
+
+def _notices(sets: trials.Sets, at: tuple[int, int], bias: Array) -> bool:
+    """Does the one test of this region and channel FAIL with this bias?"""
+    noise = (sets.expected.variance, sets.expected.batches, sets.expected.batch_variance)
+    found = [st.moments(residuals + bias, *noise) for residuals in (sets.first, sets.second)]
+    p = st.two_set_p(*found, sets.expected.allowance)
+    return bool(p[at] <= sets.levels()[at])
+
+
+@dataclass(frozen=True)
+class Set:
+    """What one set of images gave, ready to be kept as a line of JSON."""
+
+    configuration: str
+    index: int
+    outcomes: list[str]
+    """Of the parts."""
+    whole: str
+    p: dict[str, int]
+    noticed: dict[str, list[bool]]
+    """Of the whole image."""
+    rivals: dict[str, bool]
+
+
+def judge_set(configuration: Configuration, index: int, render: Render, truth: Truth) -> Set:
+    seeds = make_seeds(f"null/{configuration.label}/{index}", PILOT_IMAGES + 2 * BATCHES)
+    images = render(seeds)
+    pilot, images = images[:PILOT_IMAGES], images[PILOT_IMAGES:]
+    whole = judge_null(images, pilot, truth)
+    outcomes, p = [], Counter({k: n for k, n in whole.p.items() if not k.startswith("tile")})
+    for tile, part in parts_of(truth):
+        window = (slice(None), *tile.window)
+        found = judge_null(images[window], pilot[window], part)
+        outcomes.append(found.outcome.value)
+        p.update({k: n for k, n in found.p.items() if k.startswith("tile")})
+    judged = rivals.judge(images, SPP, truth)
+    return Set(
+        configuration.label, index, outcomes, whole.outcome.value, dict(p), whole.noticed, judged
+    )  # fmt: skip
+
+
+def measure_nulls(
+    file: Path, sets: int, configurations: Sequence[Configuration] = CONFIGURATIONS
+) -> Iterator[Set]:
+    """`sets` sets of each configuration, in turn; what `file` has is kept, new ones are added to it."""
+    done = {(line["configuration"], line["index"]) for line in read_lines(file)}
+    ready = {}
+    for index in range(sets):
+        for one in configurations:
+            if (one.label, index) in done:
+                continue
+            if one not in ready:
+                make = mitsuba_render if one.by == "mitsuba" else oneray_render
+                ready[one] = (make(one), trials.load_truth(one.scene))
+            found = judge_set(one, index, *ready[one])
+            with file.open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps(found.__dict__) + "\n")
+            yield found
+
+
+def read_lines(file: Path) -> list[dict]:
+    """The lines of a file of JSON; none if there is no file. A last line that was cut off is left out."""
+    if not file.is_file():
+        return []
+    lines = file.read_text(encoding="utf-8").split("\n")
+    return [json.loads(line) for line in lines[:-1]]
+
+
+def summary(file: Path) -> dict[str, object]:
+    """False alarms, p-values and powers of all sets in the file."""
+    sets = read_lines(file)
+    p: Counter = Counter()
+    for line in sets:
+        p.update(line["p"])
+    table = {}
+    for label in sorted({line["configuration"] for line in sets}):
+        mine = [line for line in sets if line["configuration"] == label]
+        table[label] = dict(Counter(outcome for line in mine for outcome in line["outcomes"]))
+    shares = {
+        family: {
+            f"{level:g}": round(p[f"{family} {level:g}"] / p[f"{family} of"], 6) for level in LEVELS
+        } | {"of": p[f"{family} of"]}
+        for family in ("image", "tile", "omnibus")
+        if p[f"{family} of"]
+    }  # fmt: skip
+    power = {
+        name: [round(float(np.mean([line["noticed"][name][k] for line in sets])), 4) for k in range(3)]
+        for name in ("image", "tile", "verdict")
+    } if sets else {}  # fmt: skip
+    alarms = {rule: sum(line["rivals"][rule] for line in sets) for rule in rivals.RULES}
+    return {
+        "verdicts": sum(len(line["outcomes"]) for line in sets),
+        "false_alarms": sum(line["outcomes"].count("FAIL") for line in sets),
+        "sets": len(sets),
+        "false_alarms_whole": sum(line["whole"] == "FAIL" for line in sets),
+        "rival_false_alarms": alarms,
+        "configurations": table,
+        "p_values": shares,
+        "power": {"strengths": list(STRENGTHS), **power},
+    }

@@ -1,0 +1,69 @@
+"""The figures of references/calibration.json as the README shows them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from raycheck.calibration.rivals import NAMES
+
+
+def markdown(found: Mapping[str, Any]) -> str:
+    """Kill rates and false alarms by rule, then what else was measured, a line each."""
+    return "\n\n".join(
+        [_rules(found["mutants"], found["nulls"]), _alarms(found["nulls"]), _power(found["mde"]),
+         _naming(found["naming"])]
+    )  # fmt: skip
+
+
+def _rules(mutants: Mapping[str, Any], nulls: Mapping[str, Any]) -> str:
+    alarms = {"raycheck": nulls["false_alarms_whole"], **nulls["rival_false_alarms"]}
+    classes = [row for row in mutants["by_effect"] if row["of"]]
+    heads = [f"{_range(row)} ({row['of']})" for row in classes]
+    lines = [
+        f"| | mistakes seen, of {mutants['not_equivalent']} | {' | '.join(heads)} | "
+        f"wrong alarms, of {nulls['sets']} |",
+        "| --- |" + " ---: |" * (len(classes) + 2),
+    ]
+    for rule, name in NAMES.items():
+        shares = " | ".join(f"{100 * row[rule] / row['of']:.0f} %" for row in classes)
+        lines.append(f"| {name} | {mutants['killed'][rule]} | {shares} | {alarms[rule]} |")
+    return "\n".join(lines)
+
+
+def _range(row: Mapping[str, Any]) -> str:
+    if row["to"] is None:
+        return f"> {row['from']:g}"
+    return f"{row['from']:g}–{row['to']:g}" if row["from"] else f"< {row['to']:g}"
+
+
+def _alarms(nulls: Mapping[str, Any]) -> str:
+    p = nulls["p_values"]
+    shares = "; ".join(
+        f"{family} {values['0.01']:.4f} and {values['0.001']:.5f} of {values['of']:,}"
+        for family, values in p.items()
+    )
+    return (
+        f"False alarms of raycheck: {nulls['false_alarms']} in {nulls['verdicts']:,} verdicts on parts of "
+        f"images of {len(nulls['configurations'])} correct configurations. Share of p-values below 0.01 and "
+        f"0.001: {shares}."
+    )
+
+
+def _power(mde: Mapping[str, Any]) -> str:
+    said = [
+        f"{name} {', '.join(f'{100 * share:.0f} %' for share in mde[name])}" for name in ("image", "tile")
+    ]
+    return (
+        "A bias of 0.5, 1 and 2 times the printed detectable one, injected, is noticed by the test that it "
+        f"was printed for: {'; '.join(said)}."
+    )
+
+
+def _naming(naming: Mapping[str, Any]) -> str:
+    parts = []
+    for which, told in naming.items():
+        parts.append(
+            f"by {which}: {told['first']} of {told['held_out']} at the first guess, {told['among_three']} "
+            f"among three, and {told['unknown']} of {told['orphans']} mistakes whose own signature was taken "
+            "away are called unknown"
+        )
+    return f"Naming mistakes in another form than the catalogue's: {'; '.join(parts)}."

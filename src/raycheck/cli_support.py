@@ -1,0 +1,45 @@
+"""What the commands share: errors in one line, files written whole, the terminal."""
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from raycheck.images import ImageError
+from raycheck.mutants import PatchError
+from raycheck.references import ReferenceError_
+from raycheck.renderers import NotFound, RenderError
+
+
+def make_console() -> Console:
+    """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
+    return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
+
+
+@contextmanager
+def plain_errors():
+    """One line on standard error and exit status 2 where nothing could be judged."""
+    try:
+        yield
+    except (NotFound, ReferenceError_, ImageError, RenderError, PatchError) as error:
+        typer.echo(f"raycheck: {error}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        typer.echo("raycheck: interrupted", err=True)
+        raise typer.Exit(130) from None
+
+
+def replace(path: Path, text: str) -> None:
+    """Write a file as a whole or not at all."""
+    partial = path.with_name(f".{path.name}.part")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
+
+
+def writable(path: Path | None) -> None:
+    """Say before a long run, not after it, that its result cannot be written."""
+    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+        typer.echo(f"raycheck: {path}: there is no such folder, or it is one", err=True)
+        raise typer.Exit(2)

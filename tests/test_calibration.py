@@ -1,0 +1,110 @@
+"""raycheck measured: correct renderers do not FAIL, and the bias that it prints is the one that it notices.
+
+A sample; `raycheck calibrate` measures more, and references/calibration.json keeps what it found.
+"""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raycheck import mutants
+from raycheck.calibration import kills, nulls, rivals, trials
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def sets(tmp_path_factory) -> list[dict]:
+    """Two sets of seven configurations: 112 verdicts of correct renders with seeds that nothing else has."""
+    file = tmp_path_factory.mktemp("nulls") / "nulls.jsonl"
+    chosen = [one for one in nulls.CONFIGURATIONS if one.by not in ("mitsuba", "light")][:7]
+    for _ in nulls.measure_nulls(file, 2, chosen):
+        pass
+    return nulls.read_lines(file)
+
+
+def test_no_false_alarm(sets):
+    verdicts = Counter(outcome for one in sets for outcome in [*one["outcomes"], one["whole"]])
+    assert sum(verdicts.values()) == 14 * 9
+    assert verdicts["FAIL"] == 0
+    assert verdicts["PASS"] > 20  # and not by never deciding
+
+
+def test_p_values_are_even(sets):
+    """A hundredth of them is below 0.01: of 3,000 tiles' 30, ±5.5."""
+    count: Counter = Counter()
+    for one in sets:
+        count.update(one["p"])
+    assert count["tile of"] > 2000
+    assert 0.5 < count["tile 0.01"] / count["tile of"] / 0.01 < 1.5
+
+
+def test_detectable_biases_are_detected(sets):
+    """Half of the printed bias is hardly ever noticed by its own test, twice as much always."""
+    for name in ("image", "tile"):
+        half, _, twice = np.mean([one["noticed"][name] for one in sets], axis=0)
+        assert half < 0.3
+        assert twice > 0.9
+
+
+def test_an_interrupted_run_goes_on(tmp_path):
+    file = tmp_path / "nulls.jsonl"
+    one = nulls.CONFIGURATIONS[0]
+    [first] = nulls.measure_nulls(file, 1, [one])
+    assert list(nulls.measure_nulls(file, 1, [one])) == []
+    file.write_text(file.read_text() + '{"configuration": "cut o')
+    assert nulls.read_lines(file)[0]["outcomes"] == first.outcomes
+    assert nulls.summary(file)["verdicts"] == 8
+
+
+class TestRivals:
+    """The other rules do what their authors' do."""
+
+    def images(self, factor=1.0, spp=16):
+        truth = trials.load_truth("area-light")
+        rng = np.random.default_rng(1)
+        noise = rng.standard_normal((64, *truth.mean.shape)) * np.sqrt(truth.sample_variance / spp)
+        return factor * truth.mean + noise, truth
+
+    def test_right(self):
+        images, truth = self.images()
+        assert rivals.judge(images, 16, truth) == {
+            "mitsuba": False, "nori": False, "idiff": False, "welch": False,
+        }  # fmt: skip
+
+    def test_uniform_bias(self):
+        """Mitsuba's per-pixel test is blind to 2 % that the mean of the image shows at once."""
+        found = rivals.judge(self.images(1.02)[0], 16, self.images()[1])
+        assert found["nori"] and found["welch"] and not found["mitsuba"]
+
+    def test_mitsuba_allows_a_quarter_of_a_percent(self):
+        images, truth = self.images()
+        images[:, 3, 4] += 100.0
+        assert not rivals.mitsuba_z(images, 16, truth)
+        images[:, 30:34] += 100.0
+        assert rivals.mitsuba_z(images, 16, truth)
+
+
+def test_effect_is_told_in_detectable_biases():
+    """Of a mixture it is in proportion, and what is far below 1 is not killed."""
+    mutant = mutants.read(mutants.FOLDER / "brdf-2pi.patch")
+    truth = trials.load_truth(mutant.scene)
+    found = kills.judge_mutant(mutant, mutants.program(mutant), mutants.program(None), truth)
+    assert found[0].effect > 50 and found[0].rejected["raycheck"]
+    for one in found[1:]:
+        assert one.effect == pytest.approx(one.strength * found[0].effect)
+        assert one.rejected["raycheck"] or one.effect < 2
+        assert not one.rejected["raycheck"] or one.effect > 0.3
+
+
+def test_the_committed_result():
+    """What the README shows is of this catalogue."""
+    found = json.loads((ROOT / "references/calibration.json").read_text(encoding="utf-8"))
+    assert found["nulls"]["false_alarms"] == found["nulls"]["false_alarms_whole"] == 0
+    assert found["mutants"]["not_equivalent"] >= 60
+    assert found["mutants"]["killed"]["raycheck"] / found["mutants"]["not_equivalent"] >= 0.95
+    assert found["mutants"]["equivalent_rejected"]["raycheck"] == 0
+    assert len(found["nulls"]["configurations"]) >= 8

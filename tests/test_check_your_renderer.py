@@ -1,0 +1,146 @@
+"""The page docs/check-your-renderer.md does what it says: its programs write, its commands print, its
+examples run.
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from junitparser import JUnitXml
+
+from raycheck import references
+from raycheck.images import load_image, write_pfm
+from raycheck.verify import PILOT_SPP, case_seeds
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / "docs/check-your-renderer.md").read_text(encoding="utf-8")
+NUMBERS = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12.5]
+
+CPP_MAIN = """
+int main(int, char **words)
+{
+    return !write_pfm(words[1], 2, 2, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12.5});
+}
+"""
+RUST_MAIN = """
+fn main() -> Result<()> {
+    let path = std::env::args().nth(1).unwrap();
+    write_pfm(&path, 2, 2, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.5])
+}
+"""
+PYTHON_MAIN = f"""
+import sys
+write_pfm(sys.argv[1], 2, 2, {NUMBERS})
+"""
+MINE = """
+import numpy as np
+from raycheck import references
+
+
+def render(scene, spp, seed):
+    mean = references.load_reference(scene.stem).best()[0]
+    return mean * np.random.default_rng(seed).gamma(4 * spp, 1 / (4 * spp), (*mean.shape[:2], 1))
+"""
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def written(command: list[str], folder: Path) -> list[float]:
+    """What the program wrote, read back, row by row from the top."""
+    subprocess.run([*command, folder / "out.pfm"], check=True)
+    return load_image(folder / "out.pfm").pixels.ravel().tolist()
+
+
+class TestPfmWriters:
+    def test_cpp(self, tmp_path):
+        (tmp_path / "main.cpp").write_text(blocks("cpp")[0] + CPP_MAIN)
+        words = ["c++", "-Wall", "-Wextra", "-Werror", "-o", tmp_path / "a.out", tmp_path / "main.cpp"]
+        subprocess.run(words, check=True)
+        assert written([tmp_path / "a.out"], tmp_path) == NUMBERS
+
+    @pytest.mark.skipif(not shutil.which("rustc"), reason="rustc is not installed")
+    def test_rust(self, tmp_path):
+        (tmp_path / "main.rs").write_text(blocks("rust")[0] + RUST_MAIN)
+        subprocess.run(
+            ["rustc", "-D", "warnings", "-o", tmp_path / "a.out", tmp_path / "main.rs"], check=True
+        )
+        assert written([tmp_path / "a.out"], tmp_path) == NUMBERS
+
+    def test_python(self, tmp_path):
+        (tmp_path / "main.py").write_text(blocks("python")[0] + PYTHON_MAIN)
+        assert written([sys.executable, tmp_path / "main.py"], tmp_path) == NUMBERS
+
+
+def shown() -> list[tuple[str, str]]:
+    """The page's commands and what they print."""
+    return re.findall(r"^    \$ (raycheck .*)\n((?:    .*\n|\n)+)", PAGE, re.MULTILINE)
+
+
+def plain(text: str) -> str:
+    """Without seconds, which differ, and without the table's spaces, which go with their width."""
+    text = re.sub(r"\d+(\.\d+)? (s|min)\b", "TIME", text)
+    return re.sub(r"[ \n]+", " ", re.sub(r"\d+\.\d$", "TIME", text, flags=re.MULTILINE)).strip()
+
+
+@pytest.mark.parametrize(("index", "status"), [(0, 0), (1, 1)])
+def test_outputs(index, status):
+    """Passing and failing, as printed on the page."""
+    command, output = shown()[index]
+    words = command.replace("raycheck", f"{sys.executable} -m raycheck", 1).replace(
+        '"python', f'"{sys.executable}'
+    )
+    done = subprocess.run(words, shell=True, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == status, done.stderr
+    assert plain(done.stdout) == plain(output)
+
+
+def test_pytest_example(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    (tmp_path / "test_mine.py").write_text(blocks("python")[1])
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", tmp_path, tmp_path]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert "2 passed" in done.stdout, done.stdout
+    (tmp_path / "mine.py").write_text(MINE.replace("return mean", "return 1.05 * mean"))
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert "2 failed" in done.stdout and "too bright" in done.stdout
+
+
+def prerender(scene: str, factor: float, folder: Path) -> None:
+    """SCENE-SPP-SEED.pfm, all that verify will ask for with --spp 8."""
+    reference = references.load_reference(scene)
+    mean = factor * reference.best()[0]
+    first, count = reference.entry["seeds"]
+    seeds = case_seeds(scene, "renderer", 0, range(first, first + count))
+    for spp, some in ((1, seeds[:1]), (PILOT_SPP, seeds[1:]), (8, seeds[1:])):
+        for seed in some:
+            noise = np.random.default_rng(seed).gamma(4 * spp, 1 / (4 * spp), (*mean.shape[:2], 1))
+            write_pfm(folder / f"{scene}-{spp}-{seed}.pfm", mean * noise)
+
+
+def test_workflow_example(tmp_path):
+    """Its verify step, as a shell runs it, on a renderer that is right on one scene of two."""
+    workflow = yaml.safe_load(blocks("yaml")[0])
+    [step] = [s for s in workflow["jobs"]["verify"]["steps"] if s.get("name") == "verify"]
+    for scene in ("point-light", "area-light"):
+        prerender(scene, 2 if scene == "area-light" else 1, tmp_path)
+    (tmp_path / "mine").write_text('#!/bin/sh\ncp "$(basename "$1" .xml)-$3-$5.pfm" "$7"\n')
+    (tmp_path / "mine").chmod(0o755)
+    script = step["run"].replace("raycheck verify", f'"{sys.executable}" -m raycheck verify', 1)
+    script = script.replace("--seconds 60", "--seconds 60 --spp 8")  # decided by samples: the same everywhere
+    done = subprocess.run(["bash", "-e", "-c", script], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1, done.stdout + done.stderr
+    [suite] = JUnitXml.fromfile(str(tmp_path / "raycheck.xml"))
+    found = {case.classname: case for case in suite}
+    assert found["point-light"].is_passed
+    assert found["area-light"].is_failure and "a factor of 2" in found["area-light"].result[0].message
+
+
+def test_nothing_is_left_of_the_template():
+    assert np.all([word not in PAGE for word in ("PASSING", "FAILING")])

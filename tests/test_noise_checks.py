@@ -1,0 +1,75 @@
+"""Mistakes that no mean shows: noise that is shared, or that more samples do not lessen."""
+
+import re
+
+import numpy as np
+import pytest
+from test_verify import judged, noisy
+
+from raycheck import checks, references
+from raycheck.truth import truth_of
+from raycheck.verdict import Outcome
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return truth_of(references.load_reference("point-light")).mean
+
+
+def gamma(mean, spp, seed, shape):
+    k = 4.0 * spp
+    return mean * np.random.default_rng(seed).gamma(k, 1 / k, shape)
+
+
+def test_rows_that_share_a_seed(truth):
+    case = judged(lambda scene, spp, seed: gamma(truth, spp, seed, (64, 1, 1)))
+    assert case.verdict is Outcome.FAIL
+    assert "pixels side by side share noise (correlation 1.00)" in case.reason
+
+
+def test_columns_that_share_a_seed(truth):
+    case = judged(lambda scene, spp, seed: gamma(truth, spp, seed, (1, 64, 1)))
+    assert case.verdict is Outcome.FAIL and "pixels above each other share noise" in case.reason
+
+
+def test_seeds_that_overlap(truth):
+    """Some samples are the same for every eighth seed: the images differ, and yet say less than they seem."""
+
+    def render(scene, spp, seed):
+        own = gamma(truth, spp, seed, (64, 64, 1))
+        return (own + 2 * gamma(truth, spp, seed % 8, (64, 64, 1))) / 3
+
+    case = judged(render)
+    assert case.verdict is Outcome.FAIL and "share noise" in case.reason and "different seeds" in case.reason
+
+
+@pytest.mark.parametrize(("spp", "times", "less"), [(64, "4", "0.25"), (4, "0.25", "4")])
+def test_samples_of_one_seed(truth, spp, times, less):
+    """As noisy with 64 samples, or with 4, as with the 16 of the pilot."""
+    case = judged(lambda scene, spp, seed: noisy(truth)(scene, 1, seed), spp=spp)
+    assert case.verdict is Outcome.FAIL
+    assert re.search(
+        rf"^{times} times the samples have [01](\.\d+)? of the variance, not {less}:", case.reason
+    )
+
+
+def test_independent_noise_is_not_called_shared():
+    """However rare: one pixel in a hundred is hit, in any two images the same one by chance now and then."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        images = np.ones((64, 32, 32, 3)) + 100.0 * (rng.random((64, 32, 32, 1)) < 0.01)
+        assert checks.shared_noise(images) is None
+
+
+def test_rare_samples_are_not_called_stuck():
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        few, fewer, more = (rng.gamma(0.5 * n, 1 / n, (b, 16, 3)) for n, b in ((16, 8), (4, 64), (64, 64)))
+        assert checks.stuck_noise(few, 16, fewer, 4) is None
+        assert checks.stuck_noise(few, 16, more, 64) is None
+
+
+def test_clamped_samples():
+    assert "clamped" in checks.clamped_samples(-0.02, 0.2)
+    assert checks.clamped_samples(-0.02, 1.0) is None
+    assert checks.clamped_samples(0.02, 0.2) is None
