@@ -3,7 +3,7 @@
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
-# make report     races all techniques and Mitsuba's two variants in every scene, fifteen minutes, leaves build/report/index.html
+# make report     races all techniques and Mitsuba's two variants in every scene for twelve minutes, leaves build/report/index.html
 # make stability  how far both renderers hold in stiff cases, half an hour, into references/stability.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, an hour of one core, into references/calibration.json and references/signatures
