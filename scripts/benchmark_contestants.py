@@ -16,11 +16,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck import mitsuba_worker
 from raycheck.images import load_image
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build" / "benchmark"
-WORKER = Path(__file__).with_name("benchmark_mitsuba.py")
+WORKER = Path(mitsuba_worker.__file__)
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 MOST_SPP = 4096
 """Mitsuba's film adds samples in single precision and drifts beyond."""
