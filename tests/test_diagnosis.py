@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from raycheck import diagnosis, lecture, mutants, references
+from raycheck.evidence import evidence, fine_tiles
 from raycheck.images import write_pfm
 from raycheck.truth import truth_of
 
@@ -20,7 +21,7 @@ SCENE = "area-light"
 def enlarge(tiles: np.ndarray, height: int, width: int) -> np.ndarray:
     """(T, 3) of the fine tiles as an image."""
     image = np.zeros((height, width, 3))
-    for tile, value in zip(diagnosis.fine_tiles(height, width), tiles, strict=True):
+    for tile, value in zip(fine_tiles(height, width), tiles, strict=True):
         image[tile.window] = value
     return image
 
@@ -38,7 +39,7 @@ def images(truth, error=0.0, seed=1, count=8):
 
 
 def told(truth, error=0.0, **settings):
-    return diagnosis.diagnose([diagnosis.evidence(SCENE, images(truth, error, **settings), truth)])
+    return diagnosis.diagnose([evidence(SCENE, images(truth, error, **settings), truth)])
 
 
 def signature(name: str, strength: float = 1.0) -> np.ndarray:
@@ -68,7 +69,7 @@ def test_what_nobody_has_catalogued_is_unknown(truth):
 
 
 def test_without_its_signature_a_mistake_is_not_named(truth):
-    of = diagnosis.evidence(SCENE, images(truth, signature("light-no-cosine")), truth)
+    of = evidence(SCENE, images(truth, signature("light-no-cosine")), truth)
     assert "light-no-cosine" not in [
         guess.mistake.name for guess in diagnosis.diagnose([of], without=["light-no-cosine"]).guesses
     ]

@@ -1,4 +1,7 @@
-"""raycheck calibrate: measure raycheck itself, into references/calibration.json."""
+"""raycheck calibrate: measure raycheck itself, into references/calibration.json.
+
+What measures is imported by the command that needs it: scipy.stats, for the rules of others, takes a second.
+"""
 
 import json
 from pathlib import Path
@@ -6,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from raycheck import mutants, references, template_making
-from raycheck.calibration import kills, naming, nulls, signatures
+from raycheck import mutants, references
 from raycheck.cli_support import plain_errors, replace
 from raycheck.mutants import Mutant
 from raycheck.renderers import NotFound
@@ -35,6 +37,8 @@ def run_nulls(
     json_file: Result = None,
 ) -> None:
     """False alarms: correct renderers judged with fresh seeds, and p-values that should be even."""
+    from raycheck.calibration import nulls
+
     with plain_errors():
         file = _ready(work) / "nulls.jsonl"
         for found in nulls.measure_nulls(file, sets):
@@ -48,6 +52,8 @@ def run_nulls(
 @app.command()
 def mde(work: Folder = WORK, json_file: Result = None) -> None:
     """The printed detectable bias, injected at 0.5, 1 and 2 times into the images of `nulls`."""
+    from raycheck.calibration import nulls
+
     with plain_errors():
         file = work / "nulls.jsonl"
         if not nulls.read_lines(file):
@@ -58,6 +64,8 @@ def mde(work: Folder = WORK, json_file: Result = None) -> None:
 @app.command(name="mutants")
 def run_mutants(names: Names = None, work: Folder = WORK, json_file: Result = None) -> None:
     """Kill rate, beside the rules of other projects on the same images."""
+    from raycheck.calibration import kills
+
     with plain_errors():
         wanted, file = _wanted(names), _ready(work) / "kills.jsonl"
         for found in kills.measure_kills(file, wanted):
@@ -70,6 +78,8 @@ def run_mutants(names: Names = None, work: Folder = WORK, json_file: Result = No
 @app.command(name="signatures")
 def run_signatures(work: Folder = WORK) -> None:
     """Signature images of the mistakes, into references/signatures."""
+    from raycheck.calibration import signatures
+
     with plain_errors():
         wanted = _wanted(None)
         for pair in signatures.render_pairs(_ready(work) / "signatures", wanted):
@@ -77,17 +87,21 @@ def run_signatures(work: Folder = WORK) -> None:
         typer.echo(str(signatures.write_signatures(work / "signatures", wanted)))
 
 
-@app.command(name="templates")
-def run_templates(scenes: Scenes = None) -> None:
-    """What each light, path length and surface adds to a scene's image, into references/templates."""
+@app.command(name="parts")
+def run_parts(scenes: Scenes = None) -> None:
+    """What each light, path length and surface adds to a scene's image, into references/parts."""
+    from raycheck import part_making
+
     with plain_errors():
-        for scene in template_making.write(scenes or references.scene_names()):
+        for scene in part_making.write(scenes or references.scene_names()):
             typer.echo(scene)
 
 
 @app.command(name="naming")
 def run_naming(work: Folder = WORK, json_file: Result = None) -> None:
     """How often a mistake is called by its name, by the images that `signatures` made."""
+    from raycheck.calibration import naming
+
     with plain_errors():
         _put("naming", naming.summary(work / "signatures", _wanted(None)), json_file)
 

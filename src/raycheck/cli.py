@@ -1,4 +1,7 @@
-"""The command line: raycheck verify, compare, report, techniques, stability, reference, render."""
+"""The command line: raycheck verify, compare, report, techniques, stability, reference, render.
+
+What only one command needs and takes a tenth of a second to import, that command imports.
+"""
 
 import functools
 import math
@@ -10,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -28,7 +31,7 @@ from raycheck import (
     render_command,
     words,
 )
-from raycheck import stability as stiff
+from raycheck import cli_options as options
 from raycheck.cli_support import make_console, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
 from raycheck.contestants import (
@@ -42,11 +45,14 @@ from raycheck.contestants import (
 from raycheck.error_plots import flagged
 from raycheck.junit import junit_xml
 from raycheck.renderers import NotFound
-from raycheck.report import Races, check_inputs, kept_races, write_report
 from raycheck.techniques import TECHNIQUES
 from raycheck.verdict import Limits, Outcome
 from raycheck.verify import Case, Verification, machine, raycheck_version
 from raycheck.verify import verify as run_verification
+
+if TYPE_CHECKING:
+    from raycheck import stability as stiff
+    from raycheck.report import Races
 
 TILE_LIMITS = Limits.tile / Limits.image
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
@@ -64,11 +70,6 @@ raycheck judges Monte Carlo renderers against references. The commands that matt
 
 raycheck COMMAND --help says more.
 """
-
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("-D", metavar="name=value", help="Another value for a <default> of the scene."),
-]
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 app.add_typer(calibrate_cli.app, name="calibrate")
@@ -95,56 +96,21 @@ def few_commands(
 
 @app.command()
 def verify(
-    scenes: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[SCENE]...", help="Names, labels such as furnace@depth=2, or files; all by default."
-        ),
-    ] = None,
-    settings: Settings = None,
-    technique: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only this technique of oneray; may be repeated.")
-    ] = None,
-    renderer: Annotated[
-        str | None,
-        typer.Option(
-            metavar="CMD", help="Judge this command, with {output} and where it can {scene} {spp} {seed}."
-        ),
-    ] = None,
-    images: Annotated[
-        str | None,
-        typer.Option(metavar="GLOB", help="Judge pictures of one SCENE that are already rendered."),
-    ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
-    ] = None,
-    junit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write the verdicts here as JUnit XML, for CI.")
-    ] = None,
-    seconds: Annotated[
-        float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
-    ] = None,
-    delta: Annotated[
-        float,
-        typer.Option(
-            min=1e-4,
-            max=0.5,
-            help="A PASS means: the image within this of the reference, tiles within 5 times.",
-        ),
-    ] = Limits.image,
-    thorough: Annotated[
-        bool, typer.Option("--thorough", help="As many samples as the committed result has.")
-    ] = False,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume", help="Keep the verdicts of --json FILE whose renderer and reference are the same."
-        ),
-    ] = False,
-    seed: Annotated[int, typer.Option(help="Another number gives all-new samples.")] = 0,
-    spp: Annotated[int | None, typer.Option(min=1, help="Samples per pixel of each judged image.")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Renders at a time, 2 by default.")] = None,
-    timeout: Annotated[float | None, typer.Option(help="Seconds that one render may take.")] = None,
+    scenes: options.Scenes = None,
+    settings: options.Settings = None,
+    technique: options.Technique = None,
+    renderer: options.RendererCommand = None,
+    images: options.Pictures = None,
+    json_file: options.JsonFile = None,
+    junit: options.JunitFile = None,
+    seconds: options.Seconds = None,
+    delta: options.Delta = Limits.image,
+    thorough: options.Thorough = False,
+    resume: options.Resume = False,
+    seed: options.Seed = 0,
+    spp: options.Spp = None,
+    jobs: options.Jobs = None,
+    timeout: options.Timeout = None,
 ) -> None:
     """Judge a renderer: exit status 1 if anything FAILs, else 3 if anything is INCONCLUSIVE, else 0; 2: could
     not run.
@@ -175,9 +141,7 @@ def verify(
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A.exr")],
     b: Annotated[Path, typer.Argument(metavar="B.exr")],
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")
-    ] = None,
+    json_file: options.JsonFile = None,
 ) -> None:
     """Do two images with standard errors show the same mean? Exit status as in verify."""
     writable(json_file)
@@ -191,94 +155,39 @@ def compare(
     raise typer.Exit(result.exit_status)
 
 
-class Other(StrEnum):
-    """Renderers that a report can race oneray against."""
-
-    MITSUBA = "mitsuba"
-
-
 @app.command()
 def report(
-    scenes: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[SCENE]...", help="Names, labels such as furnace@depth=2, or files; all by default."
-        ),
-    ] = None,
-    against: Annotated[
-        Other | None, typer.Option(help="Race against Mitsuba's variants llvm_ad_rgb and scalar_rgb too.")
-    ] = None,
-    renderer: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar='NAME="CMD"',
-            help="Race against this command too, with {output} {spp} {seed} and where it can {scene}; "
-            "may be repeated.",
-        ),
-    ] = None,
-    technique: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Race only this technique; may be repeated.")
-    ] = None,
-    seconds: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            help="Process time of each contestant in each scene, all rounds together; 0 shows the error "
-            "curves of --curves and races nothing.",
-        ),
-    ] = 1.0,
-    minutes: Annotated[
-        float | None, typer.Option(min=0.1, help="Lower --seconds so that all races are done in this time.")
-    ] = None,
+    scenes: options.Scenes = None,
+    against: options.Against = None,
+    renderer: options.Racers = None,
+    technique: options.Technique = None,
+    seconds: options.RaceSeconds = 1.0,
+    minutes: options.RaceMinutes = None,
     rounds: Annotated[
         int, typer.Option(min=error_curves.LEAST_ROUNDS, help="Interleaved, with seeds of their own.")
     ] = error_curves.ROUNDS,
-    core: Annotated[
-        int | None, typer.Option(help="The core that renderers are pinned to; by default the last.")
-    ] = None,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="DIR",
-            help="Where index.html goes; an interrupted run there is continued.",
-        ),
-    ] = Path("report"),
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures of the curves here.")
-    ] = None,
-    verification: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Verdicts of an earlier verify --json; verifies otherwise."),
-    ] = None,
-    curves: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="With --seconds 0: an earlier report --json; by default the references'."
-        ),
-    ] = None,
-    benchmark: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Figures of scripts/benchmark.py; by default those of the references."
-        ),
-    ] = None,
-    stability: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Figures of stability --json; by default those of the references."),
-    ] = None,
-) -> None:  # fmt: skip
+    core: options.Core = None,
+    output: options.ReportFolder = Path("report"),
+    json_file: options.CurvesJson = None,
+    verification: options.Verdicts = None,
+    curves: options.EarlierCurves = None,
+    benchmark: options.BenchmarkFigures = None,
+    stability: options.StabilityFigures = None,
+) -> None:
     """Leave one offline page: error against run time, pictures, error maps and verdicts."""
+    from raycheck import report as page_of
+
     writable(json_file)
     with plain_errors():
         wanted = [references.variant(scene) for scene in scenes or ()]
-        check_inputs(verification, benchmark, stability)
+        page_of.check_inputs(verification, benchmark, stability)
         if seconds > 0:
             field = _Field(against is not None, named_commands(renderer or ()), technique or ())
             races = _races(wanted, field, seconds, minutes, rounds, core, output)
         else:
-            races = kept_races(curves)
+            races = page_of.kept_races(curves)
         with _progress("verifying") as on_case:
-            page = write_report(output, verification, on_case, benchmark, stability, wanted, races)
+            page = page_of.write_report(output, verification, on_case, benchmark, stability, wanted, races)
     if json_file and races:
         replace(json_file, error_curves.to_json(races.scenes, races.header))
     for scene, curve in flagged(races.scenes if races and seconds > 0 else ()):
@@ -303,8 +212,10 @@ class _Field:
 def _races(
     wanted: Sequence[references.Variant], field: _Field, seconds: float, minutes: float | None, rounds: int,
     core: int | None, output: Path,
-) -> Races:  # fmt: skip
+) -> "Races":  # fmt: skip
     """Race all; unfinished work is in `output`/curves."""
+    from raycheck.report import Races
+
     folder = output / "curves"
     folder.mkdir(parents=True, exist_ok=True)
     scenes = wanted or [references.variant(name) for name in references.scene_names()]
@@ -319,13 +230,8 @@ def _races(
 
 @app.command()
 def techniques(
-    scenes: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[SCENE]...", help="Names, labels such as furnace@depth=2, or files; all by default."
-        ),
-    ] = None,
-    settings: Settings = None,
+    scenes: options.Scenes = None,
+    settings: options.Settings = None,
     spp: Annotated[
         int | None, typer.Option(min=2, help="Samples per pixel of each round, instead of --seconds.")
     ] = None,
@@ -335,9 +241,7 @@ def techniques(
     rounds: Annotated[
         int, typer.Option(min=prices.LEAST_ROUNDS, help="Interleaved, with seeds of their own.")
     ] = 3,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
-    ] = None,
+    json_file: options.JsonFile = None,
 ) -> None:
     """What each technique of oneray costs: variance and time of a sample, against the plain random walk."""
     writable(json_file)
@@ -359,15 +263,15 @@ def stability(
     quick: Annotated[
         bool, typer.Option("--quick", help="Three values of each, oneray alone: half a minute.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Another number gives all-new samples.")] = 0,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
-    ] = None,
+    seed: options.Seed = 0,
+    json_file: options.JsonFile = None,
 ) -> None:
     """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
     status 1 if oneray misses a goal.
     """
     writable(json_file)
+    from raycheck import stability as stiff
+
     with _progress("sweeping") as on_case, plain_errors():
         wanted = stiff.cases_named(cases or ())
         results = stiff.run(wanted, quick, seed, on_case)
@@ -425,7 +329,7 @@ def reference(
         list[str] | None,
         typer.Argument(metavar="[SCENE]...", help="Names or files; all whose reference is stale by default."),
     ] = None,
-    settings: Settings = None,
+    settings: options.Settings = None,
     by: Annotated[Maker, typer.Option(help="Who renders it.")] = Maker.MITSUBA,
     every: Annotated[bool, typer.Option("--all", help="Renew fresh references too.")] = False,
     seconds: Annotated[
@@ -576,7 +480,7 @@ def _progress(what: str):
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(what, total=None)
 
-        def on_case(case: Case | prices.Step | stiff.Step, total: int) -> None:
+        def on_case(case: "Case | prices.Step | stiff.Step", total: int) -> None:
             bar.update(task, total=total, advance=1, description=f"{what} {case.scene}, {case.technique}")
 
         yield on_case

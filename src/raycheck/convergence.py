@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 Array = NDArray[np.float64]
 
@@ -148,7 +148,7 @@ def jackknife(rounds: int, figure: Callable[[NDArray[np.intp]], float]) -> Band:
     value = figure(every)
     parts = np.array([figure(np.delete(every, one)) for one in every])
     error = np.sqrt((rounds - 1) / rounds * ((parts - parts.mean()) ** 2).sum())
-    half = float(stats.t.isf((1 - CONFIDENCE) / 2, rounds - 1) * error)
+    half = float(-special.stdtrit(rounds - 1, (1 - CONFIDENCE) / 2) * error)
     return Band(value, value - half, value + half)
 
 

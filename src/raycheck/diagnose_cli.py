@@ -9,9 +9,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from raycheck import checks, diagnosis, lecture, pictures, references, renderers, words
+from raycheck import checks, diagnosis, lecture, parts, pictures, references, renderers, words
+from raycheck.cli_options import RendererCommand
 from raycheck.cli_support import make_console, plain_errors
-from raycheck.diagnosis import Diagnosis, Evidence
+from raycheck.diagnosis import Diagnosis
+from raycheck.evidence import Evidence, evidence, fine_tiles
 from raycheck.images import ImageError, load_image, write_png
 from raycheck.references import Variant
 from raycheck.seeds import make_seeds
@@ -23,6 +25,8 @@ from raycheck.truth import Truth, truth_of
 Array = NDArray[np.float64]
 
 SPP, IMAGES = 16, 8
+MOST_SCENES = 3
+"""Scenes of which is said what part of the light is wrong, those furthest off."""
 MAP_SCALE = 6
 """Pixels of the error map for each of the image's."""
 
@@ -37,30 +41,23 @@ class Findings:
     notes: list[str] = field(default_factory=list)
     worst: tuple[Array, Truth] | None = None
     """Images and truth of the scene that differs most, for the error map."""
-    worst_error: float = -1.0
 
     def look(self, scene: str, images: Array, truth: Truth, lights: int) -> None:
         """Take in the images (B, H, W, 3) of a scene."""
         gross = checks.name_mistake(images, truth.mean, truth.variance, lights, gross=True)
         if gross and not self.plain:
             self.plain = f"{scene}: {gross}"
-        one = diagnosis.evidence(scene, images, truth)
+        one = evidence(scene, images, truth)
         self.evidence.append(one)
-        error = float(np.sqrt(np.mean((one.error / one.scale) ** 2)))
-        if error > self.worst_error:
-            self.worst_error, self.worst = error, (images, truth)
+        if one.size >= max(other.size for other in self.evidence):
+            self.worst = images, truth
 
 
 def diagnose(
     images: Annotated[
         list[Path] | None, typer.Argument(metavar="[IMAGE]...", help="Pictures of one scene, seeds apart.")
     ] = None,
-    renderer: Annotated[
-        str | None,
-        typer.Option(
-            metavar="CMD", help="Render with this, with {output} and where it can {scene} {spp} {seed}."
-        ),
-    ] = None,
+    renderer: RendererCommand = None,
     scene: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="What the pictures show, or what to render; found out by default."),
@@ -113,7 +110,7 @@ def guess_scene(image: Array) -> str:
         mean = references.read_exr(references.references_dir() / f"{name}.exr")[..., :3]
         if mean.shape != image.shape:
             continue
-        tiles = diagnosis.fine_tiles(*mean.shape[:2])
+        tiles = fine_tiles(*mean.shape[:2])
         logs = [np.log(region_means(one, tiles) + 1e-2 * mean.mean()).ravel() for one in (usable, mean)]
         alike = float(np.corrcoef(*logs)[0, 1])
         if alike > likeness:
@@ -158,22 +155,34 @@ def report(found: Findings) -> tuple[str, bool]:
     """What to print, and whether something is wrong."""
     lines = list(found.notes)
     if found.plain and not found.evidence:
-        return "\n".join([*lines, found.plain[:1].upper() + found.plain[1:] + "."]), True
+        return "\n".join([*lines, sentence(found.plain)]), True
     told = diagnosis.diagnose(found.evidence)
     where = ", ".join(one.scene for one in found.evidence)
     if not told.significant:
         return "\n".join(
             [*lines, f"Nothing to explain: {where} agree with the references within noise."]
         ), False
-    if found.plain:
-        lines.append(found.plain[:1].upper() + found.plain[1:] + ".")
+    lines += [sentence(found.plain)] if found.plain else wrong_parts(found.evidence)
     return "\n".join([*lines, *guesses(told)]), True
+
+
+def sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + "."
+
+
+def wrong_parts(found: list[Evidence]) -> list[str]:
+    """Which part of the light is wrong, in the scenes that are furthest off."""
+    worst = sorted(found, key=lambda one: -one.size)[:MOST_SCENES]
+    told = [(one.scene, parts.explain(one)) for one in worst]
+    return [f"{scene}: {sentence(words.explanation(told))}" for scene, told in told if told]
 
 
 def guesses(told: Diagnosis) -> list[str]:
     """The likeliest mistakes in words."""
     if not told.known:
-        lines = [f"Unknown: none of {told.candidates} known mistakes explains this. The nearest are:"]
+        factor = ", since none has just this factor" if told.explained else ""
+        nearest = ". The nearest are:" if told.guesses else "."
+        lines = [f"Unknown: none of {told.candidates} known mistakes explains this{factor}{nearest}"]
     else:
         lines = ["The likeliest mistakes:"]
     for number, guess in enumerate(told.guesses, 1):

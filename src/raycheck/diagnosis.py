@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references
+from raycheck import parts, references
 from raycheck.evidence import RELATIVE_FLOOR, Evidence
 
 Array = NDArray[np.float64]
@@ -78,6 +78,10 @@ class Diagnosis:
     significant: bool
     """There is an error to explain."""
     candidates: int
+    explained: parts.Explanation | None = None
+    """The parts of the light that have another factor, where one scene was looked at and they account for all
+    of its error.
+    """
 
 
 def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosis:
@@ -88,40 +92,56 @@ def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosi
         mistakes = {name: m for name, m in mistakes.items() if all(name in names for names in known)}
     names = list(mistakes)
     strengths = np.concatenate([[0.0], STRENGTHS])
-    excess, all_of_it = np.zeros((2, len(names), len(strengths)))
+    excess, unlikely = np.zeros((2, len(names), len(strengths)))
     for one in found:
         n = one.error.size
         noise = n + NOISE_ERRORS * np.sqrt(2 * n)
-        chi = _chi_squared(one, names, strengths)
+        chi, spread = _chi_squared(one, names, strengths)
         excess += np.maximum(chi - noise, 0)
-        all_of_it += chi
+        unlikely += chi + spread
     nothing = float(excess[0, 0]) if len(names) else 0.0
     fit = 1 - excess[:, 1:] / nothing if nothing > 0 else np.zeros((len(names), len(STRENGTHS)))
     fit -= STRENGTH * np.log(STRENGTHS) ** 2
-    best = fit.argmax(axis=1)
-    left = all_of_it[range(len(names)), 1 + best]
-    order = np.lexsort([left, -fit.max(axis=1).round(2)])[:3]  # of equal fits the one that leaves least
+    # Noise that is not to be explained leaves the fit flat: of strengths as good as the best the likeliest.
+    good = fit >= fit.max(axis=1, keepdims=True) - ALIKE
+    best = np.where(good, unlikely[:, 1:], np.inf).argmin(axis=1)
+    left = unlikely[range(len(names)), 1 + best]
+    order = np.lexsort([left, -fit.max(axis=1).round(2)])[:3]  # of equal fits the likeliest
     guesses = [
         Guess(mistakes[names[i]], float(np.clip(fit[i].max(), 0, 1)), float(STRENGTHS[best[i]]))
         for i in order
     ]
+    explained = parts.explain(found[0]) if len(found) == 1 else None
+    known = bool(guesses) and guesses[0].fit >= KNOWN and (not explained or _usual(guesses[0]))
     significant = any(map(_differs, found))
-    return Diagnosis(guesses, bool(guesses) and guesses[0].fit >= KNOWN, significant, len(names))
+    return Diagnosis(guesses, known, significant, len(names), explained)
 
 
-SURE = 0.9
-"""Fit from which the image of a single scene is enough to name a mistake unasked."""
+ALIKE = 0.03
+"""Fits of mistakes that cannot be told apart differ by less."""
+USUAL = 0.15
+"""Logarithm of the strength within which a mistake counts as that mistake itself."""
 
 
-def likely(found: Evidence) -> Mistake | None:
-    """The mistake that the images of a scene look like; None if that is not clear, or nothing is known of the
-    scene.
+def likely(found: Evidence) -> tuple[list[Mistake], parts.Explanation | None]:
+    """The mistakes that the images of one scene look like, all of them alike there, and the parts of the
+    light that are wrong; none if that is not clear, or nothing is known of the scene.
     """
     try:
         told = diagnose([found])
     except references.ReferenceError_:
-        return None
-    return told.guesses[0].mistake if told.significant and told.guesses[0].fit >= SURE else None
+        return [], parts.explain(found)
+    if not told.significant or not told.known:
+        return [], told.explained
+    best = told.guesses[0].fit
+    return [g.mistake for g in told.guesses if g.fit > best - ALIKE and _usual(g)], told.explained
+
+
+def _usual(guess: Guess) -> bool:
+    """As strong as the mistake is. Any number explains an error that is a mere factor of some light: a
+    mistake at another strength is then no explanation.
+    """
+    return abs(np.log(guess.strength)) < USUAL
 
 
 def _differs(one: Evidence) -> bool:
@@ -132,21 +152,26 @@ def _differs(one: Evidence) -> bool:
     return bool(whole or np.any(np.abs(one.error) > 6 * np.sqrt(one.variance) + 0.005 * one.scale))
 
 
-def _chi_squared(one: Evidence, names: Sequence[str], strengths: Array) -> Array:
-    """(M, A) for each mistake and strength; a mistake without a signature adds nothing to this scene."""
+def _chi_squared(one: Evidence, names: Sequence[str], strengths: Array) -> tuple[Array, Array]:
+    """(M, A) χ² for each mistake and strength, and the logarithm of the variances, by which a noisy signature
+    is no better; a mistake without a signature adds nothing to this scene.
+    """
     signatures = load(one.scene)
     where = {name: index for index, name in enumerate(signatures.names)}
     d = one.error / one.scale
     noise = one.variance / one.scale**2 + RELATIVE_FLOOR
     same = noise + (LIKENESS * d) ** 2
-    result = np.full((len(names), len(strengths)), float((d**2 / same).sum()))
+    chi = np.full((len(names), len(strengths)), float((d**2 / same).sum()))
+    spread = np.full(chi.shape, float(np.log(same).sum()))
     for row, name in enumerate(names):
         if name in where:
             s = signatures.error[where[name]] / one.scale
             own = signatures.variance[where[name]] / one.scale**2
             a = strengths[:, None, None]
-            result[row] = ((d - a * s) ** 2 / (same + a**2 * (own + (LIKENESS * s) ** 2))).sum(axis=(1, 2))
-    return result
+            variance = same + a**2 * (own + (LIKENESS * s) ** 2)
+            chi[row] = ((d - a * s) ** 2 / variance).sum(axis=(1, 2))
+            spread[row] = np.log(variance).sum(axis=(1, 2))
+    return chi, spread
 
 
 def folder() -> Path:

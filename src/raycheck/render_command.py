@@ -50,11 +50,7 @@ def render(
     if exposure and output.suffix.lower() != ".png":
         raise NotFound(f"--exposure is of a .png: {output} holds the radiance as it is")
     of = references.variant(scene, parse_settings(settings))
-    try:
-        chosen = named_technique(technique).options if technique else ()
-    except KeyError as error:
-        raise NotFound(error.args[0]) from None
-    work = shards.Work(of.path, of.parameters, (*chosen, *(options or ())), seed)
+    work = shards.Work(of.path, of.parameters, (*_chosen(technique), *(options or ())), seed)
     kept = folder or output.with_name(f"{output.name}.shards")
     pool = pools.Dask(dask) if dask else pools.Here(jobs or pools.cores())
     started = time.monotonic()
@@ -77,3 +73,11 @@ def render(
     found = f" ({total - new} were there)" if new < total else ""
     took = words.duration(math.ceil(time.monotonic() - started))
     typer.echo(f"{output}: {spp} samples per pixel in {total} parts{found}, {took}")
+
+
+def _chosen(technique: str | None) -> tuple[str, ...]:
+    """oneray's options for a technique; NotFound with the names there are."""
+    try:
+        return named_technique(technique).options if technique else ()
+    except KeyError as error:
+        raise NotFound(error.args[0]) from None

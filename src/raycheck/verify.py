@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raycheck import checks, diagnosis, references, renderers, words
+from raycheck.evidence import Evidence, evidence
 from raycheck.images import Image, ImageError, load_image
 from raycheck.pilot import (
     Goals,
@@ -410,10 +411,8 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
         if not mistake and not fixed:
             mistake = checks.clamped_samples(found.bias_high, pilot.noise)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
-    found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
-    if found.outcome is Outcome.FAIL and not mistake:
-        guess = diagnosis.likely(trial.task.label, both, truth)
-        sentence += f"; it looks like this mistake: “{guess.mistake.rstrip('.')}”" if guess else ""
+    shown = partial(evidence, trial.task.label, both, truth)
+    found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image, shown)
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
 
 
@@ -449,10 +448,15 @@ def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool)
 
 
 def _sentence(
-    found: Judgement, regions: list[Tile], seconds: float, mistake: str | None, image: Image
-) -> tuple[Judgement, str]:
+    found: Judgement, regions: list[Tile], seconds: float, mistake: str | None, image: Image,
+    shown: Callable[[], Evidence],
+) -> tuple[Judgement, str]:  # fmt: skip
     """The judgement's reason, and what coarse input means for it."""
-    sentence = words.reason(found, regions, seconds, mistake)
+    if found.outcome is Outcome.FAIL and not mistake and image.precision == "float":
+        suspects, explained = diagnosis.likely(shown())
+        sentence = words.reason(found, regions, seconds, explained=explained) + words.suspicion(suspects)
+    else:
+        sentence = words.reason(found, regions, seconds, mistake)
     if image.precision == "8-bit" and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
         return (
@@ -535,7 +539,8 @@ def _judge_files(of: references.Variant, files: list[Path], limits: Limits) -> C
         mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
     elif found.outcome is Outcome.INCONCLUSIVE:
         return case(found.outcome, _few(found, len(files)), **_figures(found, regions))
-    found, sentence = _sentence(found, regions, 0.0, mistake, coarse)
+    shown = partial(evidence, of.label, images, truth)
+    found, sentence = _sentence(found, regions, 0.0, mistake, coarse, shown)
     if classes > 1:
         sentence += (
             f" (from {len(files)} image{'s' if len(files) > 1 else ''}, noise measured between pixels)"

@@ -62,8 +62,10 @@ def _naming(naming: Mapping[str, Any]) -> str:
     parts = []
     for which, told in naming.items():
         parts.append(
-            f"by {which}: {told['first']} of {told['held_out']} at the first guess, {told['among_three']} "
-            f"among three, and {told['unknown']} of {told['orphans']} mistakes whose own signature was taken "
-            "away are called unknown"
+            f"By {which}: {told['first']} of {told['held_out']} at the first guess, {told['among_three']} "
+            f"among three; {told['unknown']} of {told['orphans']} mistakes whose own signature was taken "
+            f"away are called unknown, {told['odd_half_unknown']} of {told['odd_half']} in the half that the "
+            f"threshold was not chosen by, {told['unknown'] - told['twins_unknown']} of "
+            f"{told['orphans'] - told['twins']} that look like no other"
         )
-    return f"Naming mistakes in another form than the catalogue's: {'; '.join(parts)}."
+    return f"Naming mistakes in another form than the catalogue's. {'. '.join(parts)}."

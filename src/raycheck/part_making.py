@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import references, renderers
+from raycheck.parts import Parts, folder, manifest
 from raycheck.references import Variant
 from raycheck.seeds import make_seeds
-from raycheck.templates import Templates, folder, manifest
 from raycheck.tiles import SMALLEST, Tile, region_means
 
 Array = NDArray[np.float64]
@@ -168,7 +168,7 @@ class _Maker:
 
     def mask(self, root: Element, surface: Surface) -> Array:
         """(H, W) share of each pixel that shows the surface."""
-        seed = make_seeds("templates/mask", 1)[0]  # the same for all, whose sum is then 1
+        seed = make_seeds("parts/mask", 1)[0]  # the same for all, whose sum is then 1
         sides = [self.render(showing(root, surface, flipped), MASK_SPP, seed) for flipped in (False, True)]
         return np.clip(sum(side[..., 0] for side in sides), 0, 1)
 
@@ -182,7 +182,7 @@ class _Maker:
         ]
 
 
-def make(of: Variant) -> Templates:
+def make(of: Variant) -> Parts:
     """Render all of one scene's."""
     root = parse(of)
     content = surfaces(root)
@@ -194,7 +194,7 @@ def make(of: Variant) -> Templates:
         masks = [maker.mask(root, surface) for surface in content]
         rest = np.clip(1 - sum(masks), 0, 1)
         tiles = maker.tiles()
-        seeds = make_seeds(f"templates/{of.label}", SEEDS)
+        seeds = make_seeds(f"parts/{of.label}", SEEDS)
         parts = np.zeros((SEEDS, len(lights), len(lengths), len(masks) + 1, len(tiles), 3))
         for light in range(len(lights)):
             lit = with_light(root, light if len(lights) > 1 else None)
@@ -208,7 +208,7 @@ def make(of: Variant) -> Templates:
     names = [*(surface.name for surface in content), "the background"]
     last = {2: "direct", 3: "two bounces"}.get(depth, "more bounces") if depth > 0 else "more bounces"
     told = [LENGTHS[n] if n else last for n in lengths]
-    return _without_empty(Templates(lights, told, names, parts.mean(axis=0), _variance(parts)))
+    return _without_empty(Parts(lights, told, names, parts.mean(axis=0), _variance(parts)))
 
 
 def _depth(root: Element) -> str:
@@ -222,13 +222,13 @@ def _variance(parts: Array) -> Array:
     return parts.var(axis=0, ddof=1) / len(parts)
 
 
-def _without_empty(found: Templates) -> Templates:
+def _without_empty(found: Parts) -> Parts:
     """Path lengths and surfaces that show nothing are left out."""
     least = NOTHING * found.image.sum()
     lengths = np.flatnonzero(found.image.sum(axis=(0, 2, 3, 4)) > least)
     shown = np.flatnonzero(found.image.sum(axis=(0, 1, 3, 4)) > least)
     at = np.ix_(range(len(found.lights)), lengths, shown)
-    return Templates(
+    return Parts(
         found.lights, [found.lengths[i] for i in lengths], [found.surfaces[i] for i in shown],
         found.image[at], found.variance[at],
     )  # fmt: skip
