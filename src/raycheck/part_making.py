@@ -38,7 +38,7 @@ LENGTHS = {1: "emission", 2: "direct", 3: "two bounces", 0: "more bounces"}
 NOTHING = 1e-4
 """Share of the image below which a path length or surface is left out."""
 LONGEST_NAME = 3
-"""Words of a comment above a shape that still name it."""
+"""Words of a comment above a shape that still name it. One that lists words names as many shapes."""
 
 
 @dataclass(frozen=True)
@@ -85,24 +85,33 @@ def surfaces(root: Element) -> list[Surface]:
     """By the lamp that it is, its id, the comment above it, its material's id, or its kind."""
     named: dict[str, list[int]] = {}
     lamp = "the lamp" if len(root.findall("./shape/emitter")) == 1 else "the lamps"
-    above, number = "", 0
+    above: list[str] = []
+    number = 0
     for child in root:
         if child.tag is ElementTree.Comment:
-            above = (child.text or "").strip().partition(",")[0]
-            continue
-        if child.tag == "shape":
+            above = _names_in(child.text or "")
+        elif child.tag != "shape":
+            above = []
+        else:
             material = child.find("ref")
             names = [
                 lamp if child.find("emitter") is not None else "",
                 child.get("id", ""),
-                above if len(above.split()) <= LONGEST_NAME else "",
+                above.pop(0) if above else "",
                 material.get("id", "") if material is not None else "",
                 f"the {child.get('type')}",
             ]
             named.setdefault(next(name for name in names if name), []).append(number)
             number += 1
-        above = ""
     return [Surface(name, tuple(numbers)) for name, numbers in named.items()]
+
+
+def _names_in(comment: str) -> list[str]:
+    """Of the shapes below it: "floor", "left slope, up to the ridge" or "wall: red, yellow, blue"."""
+    first, *others = [words.strip() for words in comment.partition(":")[2 * (":" in comment)].split(",")]
+    if len(first.split()) > LONGEST_NAME:
+        return []
+    return [first, *(other for other in others if len(other.split()) == 1)]
 
 
 def with_length(root: Element, length: int) -> Element:

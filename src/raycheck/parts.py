@@ -133,7 +133,11 @@ def hypotheses(of: Parts) -> Iterator[tuple[Hypothesis, Array, Array]]:
     """Each with its template and that one's variance, (T, 3), those that say least first."""
     lengths = {name: [of.lengths.index(x) for x in group if x in of.lengths]
                for name, group in LENGTH_GROUPS.items()}  # fmt: skip
-    lengths = {name: found for name, found in lengths.items() if found}
+    lengths = {
+        name: found
+        for index, (name, found) in enumerate(lengths.items())
+        if found and (not index or found not in list(lengths.values())[1:index])
+    }  # a set that is the same as one before it is the same part of the light
     lights = {"": range(len(of.lights))} | {n: [i] for i, n in enumerate(of.lights) if len(of.lights) > 1}
     shown = {"": range(len(of.surfaces))} | {n: [i] for i, n in enumerate(of.surfaces)}
     all_of_them = [Hypothesis(a, b, c) for a in lights for b in lengths for c in shown]
@@ -212,8 +216,13 @@ def explain(found: Evidence) -> Explanation | None:
     fits = [_fit([one], found, noise) for one in parts]
     fits = [fit for fit in fits if fit.good and fit.possible and not _better(fit, free.values())]
     if not fits:
-        several = [fit for kind, fit in free.items() if kind != "surface" and fit.good and fit.possible]
-        return _explanation(several[0]) if several else None
+        of_lights = [p for p in parts if p[0].light and not p[0].surface]
+        several = [free[kind] for kind in ("light", "length") if kind in free]
+        for length in ("direct", "reflected"):
+            family = [p for p in of_lights if p[0].length == length]
+            several += [_fit(family, found, noise)] if family else []
+        good = [fit for fit in several if fit.good and fit.possible]
+        return _explanation(good[0]) if good else None
     best = min(fits, key=lambda f: f.score)
     near = [f for f in fits if f.score < best.score + CLEARLY]
     others = [f for f in near if not best.same(f)]
