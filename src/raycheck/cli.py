@@ -1,4 +1,5 @@
-"""The command line: raycheck verify, compare, report, techniques, reference."""
+"""The command line: raycheck verify, compare, report, techniques, reference, diagnose, scene,
+grade."""
 
 import math
 import os
@@ -18,13 +19,15 @@ from rich.table import Table
 from raycheck import (
     calibrate_cli,
     diagnose_cli,
+    grade_cli,
     mitsuba_reference,
     prices,
     reference_making,
     references,
+    scene_cli,
     words,
 )
-from raycheck.cli_support import make_console, plain_errors, replace, writable
+from raycheck.cli_support import make_console, parse_settings, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
 from raycheck.junit import junit_xml
 from raycheck.renderers import NotFound
@@ -57,6 +60,8 @@ Settings = Annotated[
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 app.add_typer(calibrate_cli.app, name="calibrate")
 app.command()(diagnose_cli.diagnose)
+app.command()(scene_cli.scene)
+app.command()(grade_cli.grade)
 
 
 def _show_version(value: bool) -> None:
@@ -341,15 +346,6 @@ def _make_references(
                 f"{of.folder / of.label}.exr",
                 soft_wrap=True,
             )
-
-
-def parse_settings(settings: list[str] | None) -> dict[str, str]:
-    """["a=1", "b=2"] as {"a": "1", "b": "2"}; NotFound for anything else."""
-    pairs = [setting.partition("=") for setting in settings or ()]
-    for name, equals, _ in pairs:
-        if not name or not equals:
-            raise NotFound(f"-D{name}: -Dname=value is wanted")
-    return {name: value for name, _, value in pairs}
 
 
 def show(result: Verification) -> None:

@@ -1,0 +1,210 @@
+"""Verdicts and points for one submission.
+
+A FAIL by statistics counts only when a second look with fresh seeds confirms it: each has a chance of 1e-5 of
+being wrong, both together 1e-10. Where noise leaves it open, one more look takes four times the samples. What
+needs no statistics (no picture, a wrong size, seeds that change nothing) counts at once.
+"""
+
+import hashlib
+import math
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck import lecture, pictures, references
+from raycheck.grading import noise
+from raycheck.grading.assignment import REVIEW, Assignment, Task
+from raycheck.grading.hidden import hidden_variants
+from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
+from raycheck.grading.program import Program, build, write_scene
+from raycheck.grading.results import SceneResult, StudentResult, TaskResult, failed_everything
+from raycheck.grading.sandbox import Jail, Tier
+from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
+from raycheck.references import Variant
+from raycheck.renderers import NotFound, RenderError
+from raycheck.truth import truth_of
+from raycheck.verdict import Limits, Outcome
+from raycheck.verify import Case, raycheck_version, verify
+
+Array = NDArray[np.float64]
+TILES = Limits.tile / Limits.image
+UNREADABLE = "the run command takes neither {scene} nor {json}: it cannot render scenes unknown to it"
+MORE = 4
+"""Times the samples of a look that noise makes necessary."""
+
+
+@dataclass(frozen=True)
+class Grader:
+    """An assignment, ready to grade: its keys, and its scenes with their hidden variants."""
+
+    assignment: Assignment
+    keys: Keys
+    scenes: dict[str, list[tuple[Variant, str, bool]]]
+    """By task: what is rendered, what it is called, whether it is hidden."""
+    tier: Tier
+
+    @classmethod
+    def prepare(cls, assignment: Assignment, tier: Tier) -> "Grader":
+        """Make the hidden variants' references where they are missing, which takes a minute for each."""
+        keys = read_keys(assignment.path, assignment.name)
+        folder = private_folder(assignment.path) / "scenes"
+        scenes: dict[str, list[tuple[Variant, str, bool]]] = {}
+        for task in assignment.tasks:
+            scenes[task.id] = []
+            for name in task.scenes:
+                of = assignment.scene(name)
+                scenes[task.id].append((of, of.label, False))
+                hidden = hidden_variants(of, task.hidden, keys, folder)
+                scenes[task.id] += [(one, of.label, True) for one in hidden]
+        return cls(assignment, keys, scenes, tier)
+
+    def grade(self, path: Path, student: str, slot: int = 0) -> StudentResult:
+        """Everything about one submission; never raises for what a submission does."""
+        started = time.perf_counter()
+        jail = Jail(self.tier, self.assignment.limits, slot)
+        with tempfile.TemporaryDirectory(prefix="raycheck-grade-", ignore_cleanup_errors=True) as place:
+            Path(place).chmod(0o711)
+            try:
+                result = self._grade(path, student, jail, Path(place))
+            except SubmissionError as error:
+                result = failed_everything(self.assignment, student, str(error), jail.describe())
+            remove(Path(place) / "submission")
+        result.seconds = round(time.perf_counter() - started, 1)
+        return result
+
+    def _grade(self, path: Path, student: str, jail: Jail, place: Path) -> StudentResult:
+        unpacked = place / "submission"
+        unpacked.mkdir(mode=0o755)
+        submission = open_submission(path, unpacked)
+        digest = digest_of(unpacked)
+        command = submission.run or self.assignment.run
+        if not command:
+            raise SubmissionError('there is no run command: write run = "…" into raycheck.toml')
+        problem = build(jail, submission.folder, submission.build or self.assignment.build)
+        if problem:
+            result = failed_everything(self.assignment, student, problem, jail.describe())
+        else:
+            tasks = [
+                self._task(task, submission, command, digest, jail, place) for task in self.assignment.tasks
+            ]
+            result = StudentResult(student, self.assignment.name, tasks, jail.describe())
+        result.digest, result.state = digest, self.state(digest)
+        return result
+
+    def state(self, digest: str) -> str:
+        """Of a submission's digest and of all that it is graded by."""
+        what = (raycheck_version(), self.assignment, self.keys.secret.hex(), self.tier, digest)
+        return hashlib.sha256(repr(what).encode()).hexdigest()
+
+    def _task(
+        self, task: Task, submission: Submission, command: str, digest: str, jail: Jail, place: Path
+    ) -> TaskResult:
+        scenes = []
+        for number, (of, name, hidden) in enumerate(self.scenes[task.id]):
+            work = place / f"{task.id}-{number}".replace("/", "_")
+            (work / "scratch").mkdir(parents=True, mode=0o711)
+            size = write_scene(of, name, work / "scene")
+            purpose = f"{task.id}/{of.label}/{digest if hidden else ''}"
+            try:
+                program = Program(
+                    jail, submission.folder, command, work / "scene", name, size, work / "scratch"
+                )
+                if hidden and not program.reads_scene:
+                    scenes.append(SceneResult(name, True, Outcome.FAIL, UNREADABLE))
+                else:
+                    scenes.append(self._scene(task, of, name, hidden, program, purpose))
+            except (RenderError, NotFound) as error:
+                scenes.append(SceneResult(name, hidden, Outcome.FAIL, str(error)))
+        return self._points(task, scenes)
+
+    def _scene(
+        self, task: Task, of: Variant, name: str, hidden: bool, program: Program, purpose: str
+    ) -> SceneResult:
+        limits = Limits(image=self.assignment.delta, tile=TILES * self.assignment.delta)
+        started = time.perf_counter()
+
+        def look(number: int, spp: int) -> Case:
+            seed = self.keys.number(f"{purpose}/look {number}", hidden)
+            label = of.label if of.canonical else of.path
+            return verify(
+                program, [label], seed=seed, spp=spp, jobs=1, limits=limits,
+                timeout=self.assignment.limits.picture_seconds,
+            ).cases[0]  # fmt: skip
+
+        cases, spp = [look(0, task.spp)], task.spp
+        if cases[-1].verdict is Outcome.INCONCLUSIVE and cases[-1].more_samples and program.takes_spp:
+            spp = MORE * task.spp
+            cases.append(look(1, spp))
+        if cases[-1].verdict is Outcome.FAIL and cases[-1].bias is not None:
+            cases.append(look(2, spp))
+        last = cases[-1]
+        found = SceneResult(
+            name, hidden, last.verdict, last.reason,
+            *map(_finite, (last.bias, last.bias_low, last.bias_high, last.mde_image, last.more_samples)),
+            last.spp, len(cases), seconds=round(time.perf_counter() - started, 1),
+        )  # fmt: skip
+        found.borderline = last.verdict is not Outcome.FAIL and any(c.verdict is Outcome.FAIL for c in cases)
+        if last.verdict is Outcome.FAIL and task.lecture:
+            found.mistake = lecture.argument(task.lecture)
+        if task.technique and last.verdict is not Outcome.FAIL and program.takes_spp:
+            compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique)
+            found.noise = asdict(compared) if compared else None
+        found.pictures = _pictures(program, of, hidden)
+        return found
+
+    def _points(self, task: Task, scenes: list[SceneResult]) -> TaskResult:
+        outcomes = [scene.verdict for scene in scenes]
+        share = task.points / len(scenes)
+        points = share * outcomes.count(Outcome.PASS)
+        waiting = share * outcomes.count(Outcome.INCONCLUSIVE)
+        verdict = next((o for o in (Outcome.FAIL, Outcome.INCONCLUSIVE) if o in outcomes), Outcome.PASS)
+        quiet = 0.0
+        comment = ""
+        if task.noise_points:
+            noisy = [s for s in scenes if s.noise and s.noise["low"] > task.noise_limit]
+            judged = [s for s in scenes if s.noise]
+            quiet = task.noise_points if judged and not noisy and verdict is not Outcome.FAIL else 0.0
+            comment = _noise_comment(task, noisy or judged, bool(noisy))
+        if self.assignment.inconclusive != REVIEW:
+            points += float(self.assignment.inconclusive) * waiting
+            waiting = 0.0
+        return TaskResult(
+            task.id, task.heading, task.lecture, verdict, round(points + quiet, 4), round(waiting, 4),
+            task.most, scenes, quiet, task.hint if verdict is not Outcome.PASS else "", comment,
+        )  # fmt: skip
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _noise_comment(task: Task, scenes: list[SceneResult], noisy: bool) -> str:
+    if not scenes:
+        return "noise not compared: the scene does not pass, or the run command takes no {spp}"
+    worst = max(scenes, key=lambda s: s.noise["ratio"]).noise
+    interval = f"{worst['low']:.3g} … {worst['high']:.3g}"
+    figures = f"{worst['ratio']:.3g} times the variance ({interval}) of oneray's {task.technique}"
+    limit = f"up to {task.noise_limit:g} times earn the {task.noise_points:g} points for noise"
+    return f"{'too noisy: ' if noisy else ''}a sample has {figures}; {limit}"
+
+
+def _pictures(program: Program, of: Variant, hidden: bool) -> list[dict[str, str]]:
+    """The mean of what was rendered, the reference where it is no secret, and where they differ."""
+    made = max(program.pictures.values(), key=len, default=[])
+    if not made:
+        return []
+    truth = truth_of(references.load_reference(of))
+    images = np.stack(made)
+    mean = images.mean(axis=0)
+    factor = pictures.exposure(truth.mean)
+    shown = [(mean, f"your mean of {len(made)} pictures")]
+    if not hidden:
+        shown.append((truth.mean, "what it should be"))
+    own = images.var(axis=0, ddof=1) / len(images) if len(images) > 1 else truth.sample_variance
+    result = [{"uri": pictures.data_uri(pictures.display(p, factor)), "caption": c} for p, c in shown]
+    map_ = pictures.error_map(mean, truth.mean, np.sqrt(own + truth.variance))
+    return [*result, {"uri": pictures.data_uri(map_), "caption": "where: blue is too dark, red too bright"}]
