@@ -1,5 +1,5 @@
 """The command line: raycheck verify, compare, report, techniques, reference, diagnose, scene,
-grade."""
+grade, selftest."""
 
 import math
 import os
@@ -25,6 +25,7 @@ from raycheck import (
     reference_making,
     references,
     scene_cli,
+    selftest_cli,
     words,
 )
 from raycheck.cli_support import make_console, parse_settings, plain_errors, replace, writable
@@ -62,6 +63,7 @@ app.add_typer(calibrate_cli.app, name="calibrate")
 app.command()(diagnose_cli.diagnose)
 app.command()(scene_cli.scene)
 app.command()(grade_cli.grade)
+app.command()(selftest_cli.selftest)
 
 
 def _show_version(value: bool) -> None:

@@ -64,7 +64,7 @@ def grade(
         )
         if submission is not None and not submission.exists():
             raise NotFound(f"{submission}: there is no such file or folder")
-        grader = Grader.prepare(asked, _tier(no_sandbox))
+        grader = Grader.prepare(asked, sandbox_tier(no_sandbox))
         out.mkdir(parents=True, exist_ok=True)
         progress = Console(stderr=True)
 
@@ -79,7 +79,8 @@ def grade(
     raise typer.Exit(3 if any(result.review for result in results) else 0)
 
 
-def _tier(no_sandbox: bool) -> sandbox.Tier:
+def sandbox_tier(no_sandbox: bool) -> sandbox.Tier:
+    """The sandbox; NotFound where there is none and nobody said to go without."""
     if no_sandbox:
         return sandbox.Tier.NONE
     problem = sandbox.why_not_bubblewrap()

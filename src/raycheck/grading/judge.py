@@ -9,13 +9,13 @@ import hashlib
 import math
 import tempfile
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import lecture, pictures, references
+from raycheck import checks, lecture, pictures, references
 from raycheck.grading import noise
 from raycheck.grading.assignment import REVIEW, Assignment, Task
 from raycheck.grading.hidden import hidden_variants
@@ -26,6 +26,8 @@ from raycheck.grading.sandbox import Jail, Tier
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.references import Variant
 from raycheck.renderers import NotFound, RenderError
+from raycheck.seeds import make_seeds
+from raycheck.tiles import region_means
 from raycheck.truth import truth_of
 from raycheck.verdict import Limits, Outcome
 from raycheck.verify import Case, raycheck_version, verify
@@ -33,6 +35,7 @@ from raycheck.verify import Case, raycheck_version, verify
 Array = NDArray[np.float64]
 TILES = Limits.tile / Limits.image
 UNREADABLE = "the run command takes neither {scene} nor {json}: it cannot render scenes unknown to it"
+FEW_IMAGES = 8
 MORE = 4
 """Times the samples of a look that noise makes necessary."""
 
@@ -142,6 +145,9 @@ class Grader:
         if cases[-1].verdict is Outcome.FAIL and cases[-1].bias is not None:
             cases.append(look(2, spp))
         last = cases[-1]
+        if last.verdict is not Outcome.FAIL and program.takes_spp:
+            stuck = self._stuck_noise(task.spp, of, hidden, program, purpose)
+            last = replace(last, verdict=Outcome.FAIL, reason=stuck) if stuck else last
         found = SceneResult(
             name, hidden, last.verdict, last.reason,
             *map(_finite, (last.bias, last.bias_low, last.bias_high, last.mde_image, last.more_samples)),
@@ -155,6 +161,18 @@ class Grader:
             found.noise = asdict(compared) if compared else None
         found.pictures = _pictures(program, of, hidden)
         return found
+
+    def _stuck_noise(self, spp: int, of: Variant, hidden: bool, program: Program, purpose: str) -> str | None:
+        """What is wrong where {spp} changes nothing: four times the samples have a quarter of the variance."""
+        many = MORE * spp
+        if len(program.pictures.get(many, ())) < FEW_IMAGES:
+            key = f"{purpose}/{self.keys.number(purpose, hidden)}/samples"
+            for seed in make_seeds(key, FEW_IMAGES):
+                program.render(of.path, many, seed, self.assignment.limits.picture_seconds)
+        truth = truth_of(references.load_reference(of))
+        regions = truth.regions(spp)
+        means = [region_means(np.stack(program.pictures[n]), regions) for n in (spp, many)]
+        return checks.stuck_noise(means[0], spp, means[1], many)
 
     def _points(self, task: Task, scenes: list[SceneResult]) -> TaskResult:
         outcomes = [scene.verdict for scene in scenes]

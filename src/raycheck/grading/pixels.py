@@ -44,10 +44,11 @@ def _copy(source: Path, target: Path, most_bytes: int) -> None:
     except OSError:
         kind = "a link" if source.is_symlink() else "not a file that can be read"
         raise RenderError(f"{{output}} is {kind}: a plain file is needed") from None
+    found = os.fstat(descriptor)
+    if not stat.S_ISREG(found.st_mode):
+        os.close(descriptor)
+        raise RenderError("{output} is a pipe, device or folder: a plain file is needed")
     with os.fdopen(descriptor, "rb") as file:
-        found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode):
-            raise RenderError("{output} is a pipe, device or folder: a plain file is needed")
         if found.st_nlink != 1:
             raise RenderError(f"{{output}} has {found.st_nlink} hard links: a file of its own is needed")
         if found.st_size > most_bytes:

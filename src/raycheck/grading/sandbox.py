@@ -149,7 +149,7 @@ def _bubblewrap(
         words += ["--ro-bind", str(outside), inside]
     if output is not None:
         words += ["--bind", str(output), "/out"]
-    return [*words, "--chdir", "/submission", "--info-fd", "{info}", "--"]
+    return [*words, "--remount-ro", "/", "--chdir", "/submission", "--info-fd", "{info}", "--"]
 
 
 def _limits(limits: Limits, seconds: float) -> list[str]:
