@@ -86,7 +86,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang patch libllvm19 valgrind
+	scripts/setup.sh clang patch libllvm19 valgrind bubblewrap g++
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)

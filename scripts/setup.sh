@@ -19,6 +19,8 @@ for package in "$@"; do
     case $package in
     # Mitsuba's fast variant wants LLVM 19; without it, its scalar variant serves.
     libllvm*) ls /usr/lib/*/libLLVM*19* >/dev/null 2>&1 || optional="$optional $package" ;;
+    bubblewrap) need "$package" sh -c "command -v bwrap" ;;
+    g++) need "$package" sh -c "command -v c++" ;;
     *) need "$package" sh -c "command -v $package" ;;
     esac
 done

@@ -81,7 +81,7 @@ def survive(
     honest = Attack("honest", "", ("floor.c",), HONEST_BUILD, HONEST_RUN)
     for one in (*attacks, Attack("0-before", "", *_rest(honest)), Attack("~after", "", *_rest(honest))):
         _hand_in(one, work / "class" / one.name)
-    archives = _archives(work / "class")
+    archives = hostile_archives(work / "class")
     before = _outside(work)
     grader = Grader.prepare(read_assignment(assignment), tier)
     found = course.entries(work / "class", [])
@@ -105,7 +105,7 @@ def _hand_in(attack: Attack, folder: Path) -> None:
     (folder / "raycheck.toml").write_text(manifest, encoding="utf-8")
 
 
-def _archives(folder: Path) -> dict[str, str]:
+def hostile_archives(folder: Path) -> dict[str, str]:
     """Archives that attack whoever unpacks them, and the reasons that are expected."""
     with zipfile.ZipFile(folder / "climbs-out.zip", "w") as archive:
         archive.writestr("../../escaped.txt", "escaped")

@@ -163,7 +163,7 @@ class Grader:
         return found
 
     def _stuck_noise(self, spp: int, of: Variant, hidden: bool, program: Program, purpose: str) -> str | None:
-        """What is wrong where {spp} changes nothing: four times the samples have a quarter of the variance."""
+        """What is wrong where {spp} changes nothing: four times the samples have a quarter of the noise."""
         many = MORE * spp
         if len(program.pictures.get(many, ())) < FEW_IMAGES:
             key = f"{purpose}/{self.keys.number(purpose, hidden)}/samples"

@@ -111,6 +111,9 @@ class Jail:
             if place is not None and self.user is not None and (writable or place is output):
                 _give(place, self.user)
         command = _bubblewrap(self.limits, folder, writable, readable or {}, output)
+        if self.user is not None:  # by a program: Popen's own way would copy this process's page tables
+            ids = ("--reuid", str(self.user), "--regid", str(self.user), "--clear-groups")
+            command = ["/usr/bin/setpriv", *ids, "--", *command]
         return _watch(self, [*command, *_limits(self.limits, seconds), *words], seconds, output, info=True)
 
 
@@ -167,14 +170,11 @@ def _watch(
     """Start, wait, kill beyond the limits; returns when every process of the jail is dead."""
     reading, writing = os.pipe()
     words = [str(writing) if word == "{info}" else word for word in words]
-    user = (
-        {"user": jail.user, "group": jail.user, "extra_groups": []} if info and jail.user is not None else {}
-    )
     started = time.perf_counter()
     try:
         process = subprocess.Popen(
             words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=cwd,
-            pass_fds=(writing,), start_new_session=True, **user,
+            pass_fds=(writing,), start_new_session=True,
         )  # fmt: skip
     except OSError as error:
         os.close(reading)
