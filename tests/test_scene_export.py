@@ -51,11 +51,14 @@ def test_triangles_have_the_mesh_s_normals_where_they_are_smooth() -> None:
 def test_the_header_compiles_and_has_every_primitive(tmp_path) -> None:
     data = scene_export.export(references.variant("mixed-material"))
     (tmp_path / "scene.hpp").write_text(scene_code.source(data, scene_code.CPP), encoding="utf-8")
-    (tmp_path / "main.cpp").write_text(
-        '#include <cstdio>\n#include "scene.hpp"\nint main() { std::printf("%zu %zu %d", scene::materials.size(), '
-        "scene::parallelograms.size(), scene::materials[0].second); }\n",
-        encoding="utf-8",
-    )
+    program = """
+        #include <cstdio>
+        #include "scene.hpp"
+        using namespace scene;
+        int main()
+        { std::printf("%zu %zu %d", materials.size(), parallelograms.size(), materials[0].second); }
+    """
+    (tmp_path / "main.cpp").write_text(program, encoding="utf-8")
     compiler = ["c++", "-std=c++17", "-Wall", "-Werror"]
     subprocess.run([*compiler, "main.cpp", "-o", "main"], cwd=tmp_path, check=True)
     said = subprocess.run(["./main"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
