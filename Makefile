@@ -3,8 +3,11 @@
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
+# make stability  how far both renderers hold in stiff cases, half an hour, into references/stability.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, an hour of one core, into references/calibration.json and references/signatures
+# make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
+# make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 
 BUILD   ?= build
@@ -13,20 +16,21 @@ CC      ?= cc
 # -fno-math-errno, -fno-trapping-math: no result changes; sqrt needs no call, a select needs no branch.
 CFLAGS  ?= -O2 -g
 WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror
-# expat: the XML parser; OpenEXR (its C library, OpenEXRCore): the pictures.
-PACKAGES := expat OpenEXR
+# expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
+PACKAGES := expat OpenEXR libpng
 ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
 # A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512; with
-# :special, the instances of instances.c beside the generic one.
+# :special, the instances of instances.c beside the generic one. Those for AVX-512 only where it is there.
 MACHINE := $(shell $(CC) -dumpmachine 2>/dev/null)
 ifneq (,$(findstring x86_64,$(MACHINE)))
-KERNEL_LIST := double:8:2:special double:4:1:special double:2:0 double:1:0 \
-    single:16:2:special single:8:1:special single:4:0 single:1:0
+CPU_FLAGS := $(shell grep -m1 '^flags' /proc/cpuinfo 2>/dev/null)
+SPECIAL_2 := $(if $(filter avx512dq,$(CPU_FLAGS)),:special)
+KERNEL_LIST := double:8:2$(SPECIAL_2) double:4:1:special double:2:0 double:1:0 \
+    single:16:2$(SPECIAL_2) single:8:1:special single:4:0 single:1:0
 FLAGS_1 := -march=x86-64-v3
 FLAGS_2 := -march=x86-64-v4
-CPU_FLAGS := $(shell grep -m1 '^flags' /proc/cpuinfo 2>/dev/null)
 NATIVE := $(if $(filter avx512dq,$(CPU_FLAGS)),double:8:2:special single:16:2:special,$(if \
     $(filter avx2,$(CPU_FLAGS)),double:4:1:special single:8:1:special,double:2:0:special single:4:0:special))
 else
@@ -49,7 +53,7 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all demo test references thorough techniques benchmark calibrate clean FORCE
+.PHONY: all install wheel demo test references thorough techniques stability benchmark calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -77,6 +81,42 @@ $(foreach k,$(KERNEL_LIST),$(eval $(call kernel_rule,$(k))))
 $(BUILD):
 	mkdir -p $@
 
+PREFIX ?= /usr/local
+install: $(BUILD)/oneray
+	install -D $< $(DESTDIR)$(PREFIX)/bin/oneray
+
+wheel: $(BUILD)/oneray $(PYTHON)
+	$(PYTHON) -m pip wheel --quiet --no-deps -w dist -Ccmake.define.ONERAY=$(abspath $<) .
+
+# ---- libFuzzer targets of the readers, under AddressSanitizer and UndefinedBehaviorSanitizer.
+FUZZ_SECONDS ?= 3600
+FUZZERS := $(foreach f,scene ply obj,$(BUILD)/fuzz/$(f))
+FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+    -Isrc/oneray -include tests/fuzz/harness.h
+FUZZ_MESH := harness message mesh mesh_ply mesh_obj
+FUZZ_SCENE := $(FUZZ_MESH) scene_xml scene_values scene_build precision bounds
+vpath %.c src/oneray tests/fuzz
+
+$(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile
+	@mkdir -p $(@D)
+	clang $(FUZZ_CFLAGS) -c $< -o $@
+$(BUILD)/fuzz/read_ply.o $(BUILD)/fuzz/read_obj.o: $(BUILD)/fuzz/read_%.o: tests/fuzz/read_mesh.c $(HEADERS) tests/fuzz/harness.h Makefile
+	@mkdir -p $(@D)
+	clang $(FUZZ_CFLAGS) -DREAD=$*_read -c $< -o $@
+$(BUILD)/fuzz/ply $(BUILD)/fuzz/obj: $(BUILD)/fuzz/%: $(BUILD)/fuzz/read_%.o $(FUZZ_MESH:%=$(BUILD)/fuzz/%.o)
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+$(BUILD)/fuzz/scene: $(BUILD)/fuzz/read_scene.o $(FUZZ_SCENE:%=$(BUILD)/fuzz/%.o)
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+
+fuzzers: $(FUZZERS)
+# What is found goes to build/fuzz/NAME.found; a crash, and an input that takes 10 s or 2 GB, ends it with its file.
+fuzz: $(FUZZERS:%=%.run)
+$(BUILD)/fuzz/%.run: $(BUILD)/fuzz/%
+	mkdir -p $(BUILD)/fuzz/$*.found
+	$< -max_total_time=$(FUZZ_SECONDS) -max_len=16384 -timeout=10 -close_fd_mask=1 -print_final_stats=1 \
+	    -artifact_prefix=$(BUILD)/fuzz/$*- $(patsubst %,-dict=%,$(wildcard tests/fuzz/$*.dict)) $(BUILD)/fuzz/$*.found \
+	    tests/fuzz/$* tests/malformed tests/meshes scenes
+
 # ---- What the targets below need is set up when it is missing: system packages, then Python packages in .venv.
 VENV   := .venv
 PYTHON := $(VENV)/bin/python
@@ -86,7 +126,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang patch libllvm19 valgrind bubblewrap g++
+	scripts/setup.sh clang libclang-rt-dev patch libllvm19 valgrind bubblewrap g++
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)
@@ -125,6 +165,11 @@ techniques: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(RAYCHECK) techniques --json references/techniques.json
 	$(PYTHON) scripts/readme_prices.py
+
+stability: $(BUILD)/.system-test $(VENV)/.test
+	$(MAKE) all
+	$(RAYCHECK) stability --json references/stability.json
+	$(PYTHON) scripts/readme_stability.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all

@@ -13,6 +13,7 @@ need gcc sh -c 'command -v "${CC:-cc}"'
 need pkg-config sh -c 'command -v pkg-config'
 need libexpat1-dev pkg-config --exists expat
 need libopenexr-dev pkg-config --exists OpenEXR
+need libpng-dev pkg-config --exists libpng
 need python3-venv python3 -c 'import ensurepip, venv'
 optional=
 for package in "$@"; do
@@ -21,6 +22,9 @@ for package in "$@"; do
     libllvm*) ls /usr/lib/*/libLLVM*19* >/dev/null 2>&1 || optional="$optional $package" ;;
     bubblewrap) need "$package" sh -c "command -v bwrap" ;;
     g++) need "$package" sh -c "command -v c++" ;;
+    # libFuzzer and the sanitizers of clang.
+    libclang-rt-dev) need "$package" sh -c \
+        'echo "int LLVMFuzzerTestOneInput(void) { return 0; }" | clang -fsanitize=fuzzer,address -x c - -o /dev/null' ;;
     *) need "$package" sh -c "command -v $package" ;;
     esac
 done

@@ -131,7 +131,7 @@ OVER_COLUMNS(numbers)
         put(b, k, out.u[k]);
 }
 
-/* ---- Fresnel: (cosine, ratio) to (cosine beyond, exact, Schlick); (cosine, η, k) to the conductor's. */
+/* ---- Fresnel: (cosine, ratio) to (cosine beyond, transmittances: exact, Schlick); (cosine, η, k) to the conductor's. */
 OVER_COLUMNS(dielectric)
 {
     (void)scene;
@@ -148,7 +148,7 @@ OVER_COLUMNS(conductor)
 
 /* ---- A scene, and the technique by which it is sampled. The description must live as long as the scene. */
 extern void *scene_read(const char *file);
-void *scene_read(const char *file) { return description_read(file, NULL, 0); }
+void *scene_read(const char *file) { return description_read(file, NULL, 0, NULL); }
 extern void *scene_open(
     const void *description, int estimator, int hemisphere, int choice, int points, int schlick);
 void *scene_open(const void *description, int estimator, int hemisphere, int choice, int points, int schlick)

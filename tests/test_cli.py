@@ -28,13 +28,13 @@ def raycheck(*words):
 def test_bare_prints_the_commands_that_matter():
     done = raycheck()
     assert done.returncode == 0
-    assert done.stdout.count("\n  raycheck ") == 3
+    assert done.stdout.count("\n  raycheck ") == 4
     assert "--renderer" in done.stdout and "--images" in done.stdout and "compare A.exr B.exr" in done.stdout
 
 
 def test_version_and_help():
     assert raycheck("--version").stdout.startswith("raycheck ")
-    for command in ("verify", "compare", "report"):
+    for command in ("verify", "compare", "report", "diagnose", "calibrate"):
         assert raycheck(command, "--help").returncode == 0
 
 
@@ -67,6 +67,11 @@ def test_verify_right_and_wrong(tmp_path):
             "raycheck: --technique chooses among",
         ),
         (["verify", "--json", "/no/such/folder/x.json"], "raycheck: /no/such/folder/x.json"),
+        (["verify", "--junit", "/no/such/folder/x.xml"], "raycheck: /no/such/folder/x.xml"),
+        (["verify", "--thorough", "--seconds", "5"], "raycheck: --seconds is the budget of a quick run"),
+        (["diagnose"], "raycheck: diagnose needs either IMAGE files or --renderer CMD"),
+        (["diagnose", "/none.pfm"], "raycheck: /none.pfm: No such file"),
+        (["calibrate", "mutants", "nobody"], "raycheck: there is no mutant nobody"),
         (["compare", "/none.exr", "/none.exr"], "raycheck: /none.exr: No such file"),
         (["report", "--verification", "/none.json"], "raycheck: /none.json"),
     ],

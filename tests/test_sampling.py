@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import mpmath
 import numpy as np
 import pytest
 from building import ROOT
 from charts import Ball, Cone, Flat, sphere_cone, turn
+from mpmath import mp, mpf
 from numpy.typing import ArrayLike
 from sampling import (
     CHECKS,
@@ -398,6 +400,46 @@ def test_a_sphere_fills_its_solid_angle_however_far(driver: Driver, s: float) ->
     with driver.scene(case.scene) as scene:
         inverse = case.sample(driver, scene, uniforms(100, 8))[7]
     np.testing.assert_allclose(inverse, 2 * np.pi * s**2 / (1 + np.sqrt((1 - s) * (1 + s))), rtol=4e-15)
+
+
+@pytest.mark.parametrize("rise", [0.45, 0.1, 1e-3, 1e-6, 1e-10])
+@pytest.mark.parametrize("size", [0.5, 1e-6])
+def test_of_a_setting_sphere_only_what_is_above_the_horizon_is_sampled(
+    driver: Driver, rise: float, size: float
+) -> None:
+    """A sphere s = R/d whose center is so deep that a share `rise` of s stays above: every direction goes up,
+    two thirds or more meet the sphere, their solid angle is what is above, and the density of the same
+    direction is the same when it is hit.
+    """
+    sine = size * (1 - rise)
+    center = np.array([np.sqrt((1 - sine) * (1 + sine)), 0, -sine])
+    case = sphere_case("sets", "cone", center, size)
+    with driver.scene(case.scene) as scene:
+        sampled = case.sample(driver, scene, uniforms(SAMPLES, 36))
+        meets = sampled[7] > 0
+        hit = case.hit(driver, scene, sampled[:3])
+    assert (sampled[2] > 0).all()
+    assert 0.66 < meets.mean() < 0.8
+    if size > 1e-3:  # of a smaller one, hits of its very edge are lost to rounding
+        light, _, _, inverse = hit[:, meets]
+        assert (light == 0).mean() > 0.999
+        np.testing.assert_allclose(inverse[light == 0], sampled[7][meets][light == 0], rtol=1e-14)
+    assert mean_p(sampled[7], solid_angle_above(sine, size)) > LEVEL / CHECKS
+
+
+def solid_angle_above(depth: float, size: float) -> float:
+    """∫ 2φ(z) dz over the heights z above the horizon of a cone of sine `size`, its axis at the sine `depth`
+    below: cosφ = (cosα + z sinβ)/(√(1 - z²) cosβ), with 60 digits.
+    """
+    with mp.workdps(60):
+        s, b = mpf(size), mpf(depth)
+        alpha, beta = mpmath.asin(s), mpmath.asin(b)
+
+        def width(z: mpf) -> mpf:
+            cosine = (mpmath.cos(alpha) + z * b) / (mpmath.sqrt(1 - z * z) * mpmath.cos(beta))
+            return 2 * mpmath.acos(min(cosine, mpf(1)))
+
+        return float(mpmath.quad(width, [0, mpmath.sin(alpha - beta)]))
 
 
 def test_the_wall_of_a_sphere_sees_all_of_it_however_its_points_are_rounded(driver: Driver) -> None:

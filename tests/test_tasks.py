@@ -13,7 +13,7 @@ from raycheck import references, renderers
 from raycheck.images import load_image
 from raycheck.references import ladder, variant
 from raycheck.tasks import COVER, oneray_agenda, renderer_agenda, write_variant
-from raycheck.techniques import TECHNIQUES, applicable, read_content
+from raycheck.techniques import TECHNIQUES, applicable, left_out, read_content
 
 
 @pytest.fixture(autouse=True)
@@ -118,3 +118,12 @@ def test_what_no_reference_can_be_made_of(tmp_path: Path) -> None:
         assert done.returncode == 2
         assert message in done.stderr and len(done.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == [broken]
+
+
+@pytest.mark.parametrize("name", references.scene_names())
+def test_every_technique_is_judged_or_left_out_for_a_reason(name: str) -> None:
+    content = read_content(references.scene_path(name))
+    judged, without = applicable(content), left_out(content)
+    names = [t.name for t in judged] + [name for names in without.values() for name in names]
+    assert sorted(names) == sorted(t.name for t in TECHNIQUES)
+    assert all(why for why in without)

@@ -146,12 +146,6 @@ static int largest_part(const Build *build, const Part *parts, int count, int le
     return largest;
 }
 
-/* Room for one more row; it doubles. */
-static void *room_for(void *rows, int count, size_t size)
-{
-    return (count & (count - 1)) == 0 ? reallocate(rows, 2 * (size_t)count + 1, size) : rows;
-}
-
 static int add_node(Build *build, Part whole, int level)
 {
     Bvh *bvh = &build->bvh;

@@ -75,6 +75,11 @@ typedef struct {
     int line;
 } Light;
 
+static inline bool light_has_power(const Light *light)
+{
+    return light->emission[0] > 0 || light->emission[1] > 0 || light->emission[2] > 0;
+}
+
 typedef struct {
     Affine to_world;               /* camera space to world: looks along +z, +x is to the LEFT, +y up */
     double tan_half_x, tan_half_y; /* half extents of the image at distance 1 */
@@ -105,8 +110,11 @@ typedef struct {
     bool used;
 } Parameter;
 
-/* Reads FILE or ends the program with one line "FILE:LINE: …" on standard error and exit status 2. */
-Description *description_read(const char *file, Parameter *parameters, int parameter_count);
+/* Reads FILE or ends the program with one line "FILE:LINE: …" on standard error and exit status 2. `size` is
+   what the image's width and height shall be instead of the file's; 0 or NULL: the file's, or as the other one
+   demands. */
+Description *description_read(
+    const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2]);
 void description_free(Description *description);
 
 #endif

@@ -1,4 +1,6 @@
-#include "exr.h"
+/* The picture as an OpenEXR file: float32 channels R G B (mean) and stderr.R/G/B (standard error of the
+   mean). */
+#include "picture.h"
 
 #include "message.h"
 #include "output.h"
@@ -31,8 +33,13 @@ static void write_header(exr_context_t context, const Picture *picture, const ch
     check(exr_add_part(context, "", EXR_STORAGE_SCANLINE, &part), file);
     /* Uncompressed: OpenEXRCore 3.1 stores a block that zip cannot make smaller, as noise often is, in a form
        that does not read back. */
-    check(exr_initialize_required_attr_simple(
-              context, part, picture->width, picture->height, EXR_COMPRESSION_NONE),
+    const Window *w = &picture->window;
+    exr_attr_box2i_t image = {.max = {.x = w->image_width - 1, .y = w->image_height - 1}};
+    exr_attr_box2i_t data = {.min = {.x = w->x, .y = w->y},
+        .max = {.x = w->x + w->width - 1, .y = w->y + w->height - 1}};
+    exr_attr_v2f_t center = {.x = 0, .y = 0};
+    check(exr_initialize_required_attr(context, part, &image, &data, 1, &center, 1,
+              EXR_LINEORDER_INCREASING_Y, EXR_COMPRESSION_NONE),
         file);
     for (int i = 0; i < channels; i++)
         check(exr_add_channel(
@@ -48,7 +55,7 @@ static void write_header(exr_context_t context, const Picture *picture, const ch
     check(exr_write_header(context), file);
 }
 
-/* Points the encoder's channels at the rows of this chunk. */
+/* Points the encoder's channels at the rows of this chunk, the first of them counted from the window's. */
 static void aim(exr_encode_pipeline_t *encoder, const Picture *picture, int first_row)
 {
     for (int i = 0; i < encoder->channel_count; i++) {
@@ -57,11 +64,12 @@ static void aim(exr_encode_pipeline_t *encoder, const Picture *picture, int firs
         while (strcmp(channel->channel_name, channel_names[which]))
             which++;
         const float *from = which < 3 ? picture->mean + which : picture->standard_error + which - 3;
-        channel->encode_from_ptr = (const uint8_t *)(from + (size_t)first_row * (size_t)picture->width * 3);
+        channel->encode_from_ptr =
+            (const uint8_t *)(from + (size_t)first_row * (size_t)picture->window.width * 3);
         channel->user_bytes_per_element = sizeof(float);
         channel->user_data_type = EXR_PIXEL_FLOAT;
         channel->user_pixel_stride = 3 * (int)sizeof(float);
-        channel->user_line_stride = picture->width * 3 * (int)sizeof(float);
+        channel->user_line_stride = picture->window.width * 3 * (int)sizeof(float);
     }
 }
 
@@ -70,9 +78,9 @@ static void write_rows(exr_context_t context, const Picture *picture, const char
     int32_t rows;
     exr_encode_pipeline_t encoder = EXR_ENCODE_PIPELINE_INITIALIZER;
     check(exr_get_scanlines_per_chunk(context, 0, &rows), file);
-    for (int y = 0; y < picture->height; y += rows) {
+    for (int y = 0; y < picture->window.height; y += rows) {
         exr_chunk_info_t chunk;
-        check(exr_write_scanline_chunk_info(context, 0, y, &chunk), file);
+        check(exr_write_scanline_chunk_info(context, 0, picture->window.y + y, &chunk), file);
         check(y ? exr_encoding_update(context, 0, &chunk, &encoder)
                 : exr_encoding_initialize(context, 0, &chunk, &encoder),
             file);
@@ -84,7 +92,7 @@ static void write_rows(exr_context_t context, const Picture *picture, const char
     check(exr_encoding_destroy(context, &encoder), file);
 }
 
-void exr_write_picture(const Picture *picture, const char *file)
+void exr_write(const Picture *picture, const char *file)
 {
     char temporary[OUTPUT_NAME];
     exr_context_t context;

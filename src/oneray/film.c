@@ -10,7 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static size_t pixel_count(const Film *film) { return (size_t)film->width * (size_t)film->height; }
+size_t film_pixels(const Film *film)
+{
+    return (size_t)film->window.width * (size_t)film->window.height;
+}
 static uint64_t layer_first(Layer layer) { return layer.index << layer.level; }
 static uint64_t layer_end(Layer layer) { return (layer.index + 1) << layer.level; }
 
@@ -80,7 +83,7 @@ void film_add(Film *film, Layer layer)
         Layer last = film->layers[film->layer_count - 1];
         if (last.level != layer.level || last.index + 1 != layer.index || last.index % 2)
             break;
-        for (size_t i = 0; i < pixel_count(film); i++)
+        for (size_t i = 0; i < film_pixels(film); i++)
             join_equal(
                 last.pixels + 6 * i, last.pixels + 6 * i, layer.pixels + 6 * i, ldexp(0.5, -layer.level));
         free(layer.pixels);
@@ -91,57 +94,83 @@ void film_add(Film *film, Layer layer)
     film->layers[film->layer_count++] = layer;
 }
 
-int film_estimate(const Film *film, float *mean, float *standard_error)
+/* Mean and squared deviations of a pixel's samples. */
+static void estimate_pixel(const Film *film, size_t pixel, double mean[3], double deviation[3])
 {
-    double n = (double)film_samples(film);
-    for (size_t i = 0; i < pixel_count(film); i++) {
-        double estimate[3] = {0}, deviation[3] = {0}, count = 0;
-        for (int k = 0; k < film->layer_count; k++) {
-            double more = ldexp(1, film->layers[k].level);
-            take_in(estimate, deviation, count, film->layers[k].pixels + 6 * i, more);
-            count += more;
-        }
+    double count = 0;
+    for (int c = 0; c < 3; c++)
+        mean[c] = deviation[c] = 0;
+    for (int k = 0; k < film->layer_count; k++) {
+        double more = ldexp(1, film->layers[k].level);
+        take_in(mean, deviation, count, film->layers[k].pixels + 6 * pixel, more);
+        count += more;
+    }
+}
+
+void film_estimate(const Film *film, float *mean, float *standard_error)
+{
+    double n = (double)film_samples(film), estimate[3], deviation[3];
+    for (size_t i = 0; i < film_pixels(film); i++) {
+        estimate_pixel(film, i, estimate, deviation);
         for (size_t c = 0; c < 3; c++) {
             mean[3 * i + c] = (float)estimate[c];
             if (n > 1)
                 standard_error[3 * i + c] = (float)sqrt(deviation[c] / (n - 1) / n);
         }
     }
-    return n > 1;
+}
+
+double film_relative_error(const Film *film)
+{
+    double n = (double)film_samples(film), mean[3], deviation[3], sum = 0, squares = 0;
+    for (size_t i = 0; i < film_pixels(film); i++) {
+        estimate_pixel(film, i, mean, deviation);
+        for (int c = 0; c < 3; c++) {
+            sum += mean[c];
+            squares += deviation[c];
+        }
+    }
+    double numbers = 3 * (double)film_pixels(film);
+    return n > 1 && sum > 0 ? sqrt(squares / numbers / (n - 1) / n) / (sum / numbers) : HUGE_VAL;
 }
 
 void film_write(const Film *film, const char *file)
 {
     char temporary[OUTPUT_NAME];
-    output_name(file, temporary);
-    FILE *stream = fopen(temporary, "wb");
-    if (!stream)
-        output_failed(file);
-    fprintf(stream, "oneray film 1\n%s\n%d %d %d\n", film->identity, film->width, film->height,
-        film->layer_count);
+    const Window *w = &film->window;
+    FILE *stream = output_open(file, temporary);
+    fprintf(stream, "oneray film 2\n%s\n%d %d %d %d %d %d %d\n", film->identity, w->image_width,
+        w->image_height, w->x, w->y, w->width, w->height, film->layer_count);
     for (int k = 0; k < film->layer_count; k++) {
         fprintf(stream, "%d %llu\n", film->layers[k].level, (unsigned long long)film->layers[k].index);
-        fwrite(film->layers[k].pixels, 6 * sizeof(double), pixel_count(film), stream);
+        fwrite(film->layers[k].pixels, 6 * sizeof(double), film_pixels(film), stream);
     }
-    int bad = ferror(stream);
-    if (fclose(stream) || bad)
-        output_failed(file);
-    output_done(file, temporary);
+    output_close(stream, file, temporary);
+}
+
+/* Up to the first layer; returns how many there are. */
+static int read_start(Film *film, const char *file, FILE *stream)
+{
+    Window *w = &film->window;
+    int layers = 0;
+    if (fscanf(stream, "oneray film 2\n%1023[^\n]\n%d %d %d %d %d %d %d", film->identity, &w->image_width,
+            &w->image_height, &w->x, &w->y, &w->width, &w->height, &layers)
+            != 8
+        || fgetc(stream) != '\n' || layers < 1 || layers > 128 || w->width < 1 || w->height < 1 || w->x < 0
+        || w->y < 0 || w->image_width > 1 << 28 || w->image_height > 1 << 28
+        || w->x > w->image_width - w->width || w->y > w->image_height - w->height
+        || film_pixels(film) > 1 << 28)
+        die("%s: is not a film of this version of oneray (--film makes them)", file);
+    return layers;
 }
 
 Film film_read(const char *file)
 {
     Film film = {0};
-    int layers = 0;
     FILE *stream = fopen(file, "rb");
     if (!stream)
         die("%s: cannot be read: %s", file, strerror(errno));
-    if (fscanf(
-            stream, "oneray film 1\n%1023[^\n]\n%d %d %d", film.identity, &film.width, &film.height, &layers)
-            != 4
-        || film.width < 1 || film.height < 1 || layers < 1 || layers > 128 || fgetc(stream) != '\n'
-        || (double)film.width * film.height > 1 << 28)
-        die("%s: is not a film of this version of oneray (--film makes them)", file);
+    int layers = read_start(&film, file, stream);
     for (int k = 0; k < layers; k++) {
         Layer layer;
         unsigned long long index;
@@ -151,10 +180,10 @@ Film film_read(const char *file)
         if (layer.level > 48 || index >= (uint64_t)1 << (62 - layer.level))
             die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
         layer.index = index;
-        layer.pixels = allocate(pixel_count(&film), 6 * sizeof(double));
-        if (fread(layer.pixels, 6 * sizeof(double), pixel_count(&film), stream) != pixel_count(&film))
+        layer.pixels = allocate(film_pixels(&film), 6 * sizeof(double));
+        if (fread(layer.pixels, 6 * sizeof(double), film_pixels(&film), stream) != film_pixels(&film))
             die("%s: the film ends early (layer %d of %d)", file, k + 1, layers);
-        for (size_t i = 0; i < 6 * pixel_count(&film); i++)
+        for (size_t i = 0; i < 6 * film_pixels(&film); i++)
             if (!(layer.pixels[i] >= 0 && layer.pixels[i] <= DBL_MAX))
                 die("%s: the film is damaged (layer %d of %d: no radiance)", file, k + 1, layers);
         film_add(&film, layer);
@@ -167,17 +196,16 @@ Film film_read(const char *file)
 
 void film_collect(Film *film, Film *from, const char *name)
 {
-    if (!film->layer_count && !film->width) {
+    if (!film->window.width) {
         *film = *from;
         return;
     }
-    if (strcmp(film->identity, from->identity) || film->width != from->width || film->height != from->height)
-        die("%s: is a film of something else (%s, %dx%d) than the first (%s, %dx%d)", name, from->identity,
-            from->width, from->height, film->identity, film->width, film->height);
-    film->layers =
-        reallocate(film->layers, (size_t)(film->layer_count + from->layer_count), sizeof *film->layers);
-    memcpy(film->layers + film->layer_count, from->layers, (size_t)from->layer_count * sizeof *film->layers);
-    film->layer_count += from->layer_count;
+    if (strcmp(film->identity, from->identity) || memcmp(&film->window, &from->window, sizeof film->window))
+        die("%s: is a film of something else (%s, %dx%d) than is wanted here (%s, %dx%d)", name,
+            from->identity, from->window.width, from->window.height, film->identity, film->window.width,
+            film->window.height);
+    for (int k = 0; k < from->layer_count; k++)
+        film_add(film, from->layers[k]);
     free(from->layers);
 }
 

@@ -8,6 +8,7 @@
 #ifndef ONERAY_FILM_H
 #define ONERAY_FILM_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -19,8 +20,13 @@ typedef struct {
     double *pixels; /* [pixel][6]: sums of R G B, then squared deviations of R G B */
 } Layer;
 
+/* The pixels that are rendered, of an image. */
 typedef struct {
-    int width, height;
+    int image_width, image_height, x, y, width, height;
+} Window;
+
+typedef struct {
+    Window window;
     char identity[1024]; /* a line of text: scene, technique, precision, seed; merging wants it equal */
     int layer_count;
     Layer *layers; /* by the samples that they hold, first to last, without a gap */
@@ -33,22 +39,28 @@ int film_block_level(uint64_t first, uint64_t count);
    are room to work in. Returns the first sample that is no radiance (NaN, infinite or negative), or -1. */
 int64_t film_reduce(const double *radiance, int level, double (*nodes)[6]);
 
-/* Adds the layer that follows the film's last one; takes over its pixels. */
+/* Adds a layer, to the last one where the two are halves of one node; takes over its pixels. */
 void film_add(Film *film, Layer layer);
 
+size_t film_pixels(const Film *film); /* of the window */
 uint64_t film_first(const Film *film);
 uint64_t film_samples(const Film *film);
 
 /* Mean and standard error of the mean, in the pixel's units: [pixel][3] each. The error of a single sample is
-   unknown: then returns 0 and leaves it unset, else returns 1. */
-int film_estimate(const Film *film, float *mean, float *standard_error);
+   unknown: then it is left as it is. */
+void film_estimate(const Film *film, float *mean, float *standard_error);
+bool film_has_error(const Film *film); /* more than one sample, and independent ones */
+
+/* The root mean square of the standard errors of all pixels and channels over the mean of all; infinite for a
+   single sample and a black image. */
+double film_relative_error(const Film *film);
 
 /* A film in a file: a line of identity, then the layers, little-endian doubles. Errors end the program. */
 void film_write(const Film *film, const char *file);
 Film film_read(const char *file);
 
-/* Puts the layers of `from` into `film`, which must be of the same identity and size; `name` is the file of
-   `from`, for the error. Layers may come in any order until film_close, which sorts and joins them and wants
+/* Puts the layers of `from` into `film`, which is empty or of the same identity and window; `name` is the file
+   of `from`, for the error. Layers may come in any order until film_close, which sorts and joins them and wants
    them without gap or overlap. */
 void film_collect(Film *film, Film *from, const char *name);
 void film_close(Film *film);

@@ -16,11 +16,9 @@
 #define LIST(X)                                                                                              \
     X(room,   ROOM | MIS | USE_SOLID_ANGLE)                                                                  \
     X(ball,   ROOM | MIS | USE_CONE | HAS_SPHERE | HAS_SPHERE_LIGHT)                                         \
-    X(mirror, ROOM | MIS | USE_SOLID_ANGLE | ROUND | HAS_CONDUCTOR)                                          \
     X(glass,  ROOM | MIS | USE_SOLID_ANGLE | ROUND | HAS_CONDUCTOR | HAS_DIELECTRIC)                         \
     X(many,   ROOM | MIS | USE_SOLID_ANGLE | CHOICE | HAS_TREE)                                              \
-    X(mesh,   ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE)                                                   \
-    X(smooth, ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH)                                      \
+    X(mesh,   ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH)                                      \
     X(walk,   ROOM | USE_COSINE | ROUND)                                                                     \
     X(room_sobol, ROOM | MIS | USE_SOLID_ANGLE | USE_SOBOL)
 #endif

@@ -29,6 +29,10 @@ typedef struct {
                        as it is */
 } Job;
 
+/* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5
+   is absorbed, one path in e^100 is that long. */
+#define PATH_LIMIT 10000000
+
 typedef struct {
     uint64_t rays, shadow_rays;
     int64_t endless; /* a pixel whose path did not end within PATH_LIMIT vertices, or -1 */

@@ -120,7 +120,21 @@ typedef struct {
     Vec axis; /* unit vector to the center */
     Real distance;
     Real extent; /* 1 - cosθmax of the cone that it fills, sinθmax = R/d = s: s²/(1 + √((1-s)(1+s))) */
+    Mask sets;   /* its center is below the receiver's horizon, part of it above */
+    Real below;  /* then: sine of the center's depth below the horizon, … */
+    Real rise, turn; /* … of the height of what is above, and half its width in azimuth (radians) */
 } SphereView;
+
+/* What is above the horizon of a cone that sets, sinθmax = s, its axis below by the angle β, sinβ = b: heights z
+   from 0 to sin(θmax - β) = (s² - b²)/(s cosβ + b cosθmax), azimuths to either side up to φ at the horizon, cosφ =
+   cosθmax/cosβ, tanφ = √(s² - b²)/cosθmax. It fills two thirds or more of that block, whose solid angle is 2φ z. */
+INLINE void view_setting(SphereView *view, Real s)
+{
+    Real b = view->below, above = (s - b) * (s + b), cos_max = real_sqrt((real(1) - s) * (real(1) + s));
+    view->rise = above / (s * real_sqrt((real(1) - b) * (real(1) + b)) + b * cos_max);
+    view->turn = angle_of(real_sqrt(real_max(above, real(0))), cos_max);
+}
+#define DEEPEST_SETTING 0.999 /* sine; a sphere still deeper is all but underfoot: its azimuth says little */
 
 INLINE SphereView view_sphere(const Lights *lights, Index i, const Receiver *at, Features f)
 {
@@ -133,6 +147,13 @@ INLINE SphereView view_sphere(const Lights *lights, Index i, const Receiver *at,
                    & (at->slot != index_of_light(lights->slot, i, f));
     Real s = radius / view.distance;
     view.extent = s * s / (real(1) + real_sqrt((real(1) - s) * (real(1) + s)));
+    view.sets = mask_none();
+    if (f & USE_CONE) {
+        view.below = -vec_dot(at->n, view.axis);
+        view.sets = view.outside & (view.below > real(0)) & (view.below < real_min(s, real(DEEPEST_SETTING)));
+        if (any(view.sets))
+            view_setting(&view, s);
+    }
     return view;
 }
 
@@ -234,15 +255,18 @@ INLINE Vec point_of_rectangle(
    of the point on the light. The one place where densities on lights become densities of directions:
    sampling a light and weighing a light that was hit both call it.
    By area, pdf_w = 1/A · d²/cosθ_light; the facing half of a sphere has half the area; a cone 2π(1 -
-   cosθmax); a rectangle its solid angle. */
+   cosθmax), one that sets its block above the horizon; a rectangle its solid angle. */
 INLINE Real inverse_pdf_w_point(const Lights *lights, Index i, Real inverse_dd, Real cosine,
     const SphereView *sphere, const RectangleView *rectangle, Features f)
 {
     Real inverse = of_light(lights->area, i, f) * cosine * inverse_dd;
     if (f & USE_FACING)
         inverse = select(sphere->outside, real(0.5) * inverse, inverse);
-    if (f & USE_CONE)
+    if (f & USE_CONE) {
         inverse = select(sphere->outside, real(1) / pdf_w_cone(sphere->extent), inverse);
+        if (any(sphere->sets))
+            inverse = select(sphere->sets, real(2) * sphere->turn * sphere->rise, inverse);
+    }
     if (f & USE_SOLID_ANGLE)
         inverse = select(rectangle->serves, rectangle->solid_angle, inverse);
     return inverse;
@@ -305,18 +329,39 @@ INLINE void sample_facing(
     *normal = vec_select(view->outside, vec_scale(direction, flip_sign(real(1), radius)), *normal);
 }
 
+/* A direction in the block above the horizon that holds what is seen of a sphere that sets. */
+INLINE Vec sample_setting(const SphereView *view, Vec n, Real u, Real v)
+{
+    Real sine, cosine, z = u * view->rise, side = real(2) * v - real(1);
+    Real across = real_sqrt((real(1) - z) * (real(1) + z)), b = view->below;
+    sincos_turn(real_abs(side) * view->turn * (real(0.5) * REAL_INV_PI), &sine, &cosine);
+    Vec ahead = vec_scale(
+        vec_add(view->axis, vec_scale(n, b)), real(1) / real_sqrt((real(1) - b) * (real(1) + b)));
+    Vec wi = vec_add(vec_scale(n, z), vec_scale(ahead, across * cosine));
+    return vec_add(wi, vec_scale(vec_cross(n, ahead), across * flip_sign(sine, side)));
+}
+
 /* L5 A direction in the cone that the sphere fills, and the distance to the sphere along it, (d-r)(d+r) /
-   (d cosθ + √(r² - d² sin²θ)), which keeps its digits however near the sphere is. */
-INLINE void sample_sphere_cone(
-    const Lights *lights, Index i, const SphereView *view, Real u, Real v, LightSample *s, Features f)
+   (d cosθ + √(r² - d² sin²θ)), which keeps its digits however near the sphere is. Returns whether it meets the
+   sphere: not all of the block of one that sets does. */
+INLINE Mask sample_sphere_cone(const Lights *lights, Index i, const Receiver *at, const SphereView *view, Real u,
+    Real v, LightSample *s, Features f)
 {
     Real radius = real_abs(of_light(lights->radius, i, f)), d = view->distance;
-    Vec local = sample_cone(u, v, view->extent);
-    Real across = d * d * (local.x * local.x + local.y * local.y);
-    Real reach = (d - radius) * (d + radius)
-                 / (d * local.z + real_sqrt(real_max(radius * radius - across, real(0))));
-    s->wi = vec_select(view->outside, vec_from_frame(view->axis, local), s->wi);
-    s->distance = select(view->outside, reach, s->distance);
+    Vec local = sample_cone(u, v, view->extent), wi = vec_from_frame(view->axis, local);
+    Real cosine = local.z, sine_squared = local.x * local.x + local.y * local.y;
+    Mask meets = mask_all();
+    if (any(view->sets)) {
+        Vec above = sample_setting(view, at->n, u, v), across = vec_cross(view->axis, above);
+        wi = vec_select(view->sets, above, wi);
+        cosine = select(view->sets, vec_dot(view->axis, above), cosine);
+        sine_squared = select(view->sets, vec_dot(across, across), sine_squared);
+        meets = and_not(meets, view->sets & (d * d * sine_squared > radius * radius));
+    }
+    Real root = real_sqrt(real_max(radius * radius - d * d * sine_squared, real(0)));
+    s->wi = vec_select(view->outside, wi, s->wi);
+    s->distance = select(view->outside, (d - radius) * (d + radius) / (d * cosine + root), s->distance);
+    return meets;
 }
 
 /* The spot's share of its intensity at this angle to its axis (radians): 1 within the beam, 0 beyond the
@@ -375,8 +420,8 @@ INLINE void sample_near_light(
         shines = and_not(shines, itself);
     }
     if (f & USE_CONE) {
-        sample_sphere_cone(lights, i, &sphere, u, v, s, f);
-        shines = index_select(sphere.outside, of_light(lights->radius, i, f) > real(0), shines);
+        Mask meets = sample_sphere_cone(lights, i, at, &sphere, u, v, s, f);
+        shines = index_select(sphere.outside, meets & (of_light(lights->radius, i, f) > real(0)), shines);
     }
     s->inverse_pdf_w = only(shines, inverse);
     s->weight = vec_all(select(area, s->inverse_pdf_w, inverse_dd));

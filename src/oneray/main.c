@@ -1,130 +1,33 @@
 /* oneray: a path tracer that has every technique of the lecture "Probability Theory", each selectable. */
-#include "exr.h"
 #include "film.h"
 #include "message.h"
 #include "options.h"
-#include "precision.h"
 #include "output.h"
+#include "picture.h"
+#include "precision.h"
 #include "render.h"
-#include "version.h"
+#include "stats.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 
-static const char *const feature_words[] = {
-#define X(name, words) words,
-    FEATURES(X)
-#undef X
-};
-
-typedef struct {
-    double load, build, render, write;
-} Seconds;
-
-/* A text as a JSON string. */
-static void json_text(FILE *stream, const char *text)
-{
-    fputc('"', stream);
-    for (; *text; text++)
-        if (*text == '"' || *text == '\\')
-            fprintf(stream, "\\%c", *text);
-        else if ((unsigned char)*text < 0x20)
-            fprintf(stream, "\\u%04x", (unsigned)*text);
-        else
-            fputc(*text, stream);
-    fputc('"', stream);
-}
-
-static void json_features(FILE *stream, const char *name, Features features)
-{
-    const char *comma = "";
-    fprintf(stream, "  \"%s\": [", name);
-    for (int i = 0; i < FEATURE_COUNT; i++)
-        if (features >> i & 1) {
-            fprintf(stream, "%s\"%s\"", comma, feature_words[i]);
-            comma = ", ";
-        }
-    fprintf(stream, "],\n");
-}
-
-static void print_stats(FILE *stream, const Options *options, const Film *film, const Kernel *kernel,
-    const void *prepared, const Counters *counters, const Seconds *seconds)
-{
-    char technique[512];
-    struct rusage usage;
-    options_technique(&options->technique, technique, sizeof technique);
-    getrusage(RUSAGE_SELF, &usage);
-    fprintf(stream, "{\n  \"version\": \"%s\",\n  \"scene\": ", ONERAY_VERSION);
-    json_text(stream, options->scene);
-    fprintf(stream, ",\n  \"kernel\": \"%s\",\n  \"precision\": \"%s\",\n  \"lanes\": %d,\n",
-        options->generic ? "generic" : kernel->instance(prepared), kernel->precision, kernel->lanes);
-    if (*options->precision_reason)
-        fprintf(stream, "  \"precision_chosen_for\": \"%s\",\n", options->precision_reason);
-    json_features(stream, "features", kernel->features(prepared));
-    json_features(stream, "left_out", EVERY_FEATURE & ~kernel->features(prepared));
-    fprintf(stream, "  \"technique\": \"%s\",\n  \"width\": %d,\n  \"height\": %d,\n", technique, film->width,
-        film->height);
-    uint64_t spp = film_samples(film), paths = spp * (uint64_t)film->width * (uint64_t)film->height;
-    fprintf(stream, "  \"spp\": %" PRIu64 ",\n  \"seed\": %" PRIu64 ",\n  \"paths\": %" PRIu64 ",\n", spp,
-        options->seed, paths);
-    fprintf(stream, "  \"rays\": %" PRIu64 ",\n  \"shadow_rays\": %" PRIu64 ",\n", counters->rays,
-        counters->shadow_rays);
-    fprintf(stream, "  \"seconds\": {\"load\": %.6f, \"build\": %.6f, \"render\": %.6f, \"write\": %.6f},\n",
-        seconds->load, seconds->build, seconds->render, seconds->write);
-    fprintf(stream, "  \"peak_memory_bytes\": %lld\n}\n", (long long)usage.ru_maxrss * 1024);
-}
-
-static void write_stats(const Options *options, const Film *film, const Kernel *kernel, const void *prepared,
-    const Counters *counters, const Seconds *seconds)
-{
-    if (!strcmp(options->stats, "-")) {
-        print_stats(stdout, options, film, kernel, prepared, counters, seconds);
-        if (fflush(stdout) || ferror(stdout))
-            output_failed("standard output");
-        return;
-    }
-    char temporary[OUTPUT_NAME];
-    output_name(options->stats, temporary);
-    FILE *stream = fopen(temporary, "w");
-    if (!stream)
-        output_failed(options->stats);
-    print_stats(stream, options, film, kernel, prepared, counters, seconds);
-    int bad = ferror(stream);
-    if (fclose(stream) || bad)
-        output_failed(options->stats);
-    output_done(options->stats, temporary);
-}
-
-/* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
-   points balance each other, so that it takes other seeds to know. The identity names the sampler. */
-static int has_error(const Film *film) { return !strstr(film->identity, " --sampler sobol "); }
-
-static void write_picture(const Film *film, double render_seconds, const char *kernel, const char *file)
-{
-    size_t numbers = 3 * (size_t)film->width * (size_t)film->height;
-    float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
-    int known = film_estimate(film, mean, error) && has_error(film);
-    Picture picture = {film->width, film->height, mean, known ? error : NULL, film_samples(film),
-        render_seconds, film->identity, kernel};
-    exr_write_picture(&picture, file);
-    free(mean);
-    free(error);
-}
-
-/* oneray merge PART.film … -o OUT.exr */
+/* oneray merge PART.film … -o PICTURE */
 static int merge(int count, char **words)
 {
     const char *output = NULL;
+    double exposure = 0;
     Film film = {0};
     char **inputs = allocate((size_t)count, sizeof *inputs);
     int parts = 0;
     for (int i = 2; i < count; i++)
         if (!strcmp(words[i], "-o") && i + 1 < count && !output)
             output = words[++i];
-        else if (!strcmp(words[i], "-o"))
+        else if (!strcmp(words[i], "--exposure") && i + 1 < count) {
+            exposure = options_real(words[i], words[i + 1], -128, 128);
+            i++;
+        } else if (!strcmp(words[i], "-o"))
             die("merge: one -o OUT.exr is wanted");
         else if (words[i][0] == '-')
             die("merge: %s is no option (oneray merge PART.film ... -o OUT.exr)", words[i]);
@@ -134,6 +37,7 @@ static int merge(int count, char **words)
         die("merge: -o OUT.exr is wanted");
     if (!parts)
         die("merge: no film is given (oneray merge PART.film ... -o OUT.exr)");
+    picture_check_name(output, exposure);
     output_check(output, inputs, parts);
     for (int i = 0; i < parts; i++) {
         Film part = film_read(inputs[i]);
@@ -141,7 +45,7 @@ static int merge(int count, char **words)
     }
     free(inputs);
     film_close(&film);
-    write_picture(&film, -1, "merged", output);
+    picture_write(&film, -1, "merged", exposure, output);
     film_free(&film);
     return 0;
 }
@@ -155,20 +59,16 @@ static void identify(Film *film, const Options *options, const Description *scen
         scene->hash, technique, options->precision, options->seed);
 }
 
-static int render_scene(Options *options)
+/* Every output can be written, and is nothing that is read or written already. */
+static void check_outputs(const Options *options, const Description *scene)
 {
-    Seconds seconds = {0};
-    double start = seconds_now();
-    Description *scene =
-        description_read(options->scene, options->parameters, options->parameter_count);
-    options_check(options, scene);
     char **inputs = allocate((size_t)scene->mesh_file_count + 1, sizeof *inputs);
     inputs[0] = (char *)options->scene;
     for (int i = 0; i < scene->mesh_file_count; i++)
         inputs[i + 1] = scene->mesh_files[i];
-    const char *const outputs[] = {options->output, options->film,
+    const char *const outputs[] = {options->output, options->film, options->checkpoint,
         options->stats && strcmp(options->stats, "-") ? options->stats : NULL};
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 4; i++) {
         for (int k = 0; k < i; k++)
             if (outputs[i] && outputs[k] && !strcmp(outputs[i], outputs[k]))
                 die("%s: is given for two outputs", outputs[i]);
@@ -176,36 +76,67 @@ static int render_scene(Options *options)
             output_check(outputs[i], inputs, scene->mesh_file_count + 1);
     }
     free(inputs);
+}
+
+static Window window_of(const Options *options, const Sensor *sensor)
+{
+    const uint64_t *crop = options->crop;
+    Window whole = {sensor->width, sensor->height, 0, 0, sensor->width, sensor->height};
+    return crop[2] ? (Window){sensor->width, sensor->height, (int)crop[0], (int)crop[1], (int)crop[2],
+                         (int)crop[3]}
+                   : whole;
+}
+
+/* Writes what there is, and says if that is not what was asked for. */
+static void write_outputs(const Render *r)
+{
+    const Options *o = r->options;
+    uint64_t samples = film_samples(&r->film);
+    const char *to = o->output ? o->output : o->film ? o->film : "the figures";
+    if (interrupted())
+        warn("interrupted: %s: %" PRIu64 " of %" PRIu64 " samples per pixel%s", to, samples, r->wanted,
+            samples ? "" : ", nothing is written");
+    if (samples && o->output)
+        picture_write(&r->film, seconds_now() - r->started, render_instance(r), o->exposure, o->output);
+    if (samples && o->film)
+        film_write(&r->film, o->film);
+}
+
+static void render_scene(Options *options)
+{
+    Seconds seconds = {0};
+    double start = seconds_now();
+    Description *scene = description_read(
+        options->scene, options->parameters, options->parameter_count, options->size);
+    options_check(options, scene);
+    check_outputs(options, scene);
     seconds.load = seconds_now() - start;
 
     start = seconds_now();
     if (!strcmp(options->precision, "auto"))
         options->precision =
             precision_for(scene, options->precision_reason, (int)sizeof options->precision_reason);
-    const Kernel *kernel = options_kernel(options);
-    void *prepared = kernel->prepare(scene, &options->technique);
+    else if (!strcmp(options->precision, "single"))
+        refuse_beyond_single(scene, options->scene);
+    Render r = {.options = options, .scene = scene, .kernel = options_kernel(options)};
+    void *prepared = r.kernel->prepare(scene, &options->technique);
+    r.prepared = prepared;
     seconds.build = seconds_now() - start;
 
-    Film film = {.width = scene->sensor.width, .height = scene->sensor.height};
-    Counters counters = {0};
-    identify(&film, options, scene);
+    r.film.window = window_of(options, &scene->sensor);
+    identify(&r.film, options, scene);
     start = seconds_now();
-    render(options, scene, kernel, prepared, &film, &counters);
+    render(&r);
     seconds.render = seconds_now() - start;
 
     start = seconds_now();
-    if (options->output)
-        write_picture(&film, seconds.render, options->generic ? "generic" : kernel->instance(prepared),
-            options->output);
-    if (options->film)
-        film_write(&film, options->film);
+    write_outputs(&r);
     seconds.write = seconds_now() - start;
     if (options->stats)
-        write_stats(options, &film, kernel, prepared, &counters, &seconds);
-    film_free(&film);
-    kernel->release(prepared);
+        stats_write(options, &r, &seconds);
+    film_free(&r.film);
+    r.kernel->release(prepared);
     description_free(scene);
-    return 0;
 }
 
 int main(int count, char **words)
@@ -213,8 +144,10 @@ int main(int count, char **words)
     if (count > 1 && !strcmp(words[1], "merge"))
         return merge(count, words);
     Options options = options_read(count, words);
-    int status = render_scene(&options);
+    render_scene(&options);
     for (int i = 0; i < options.parameter_count; i++)
         free((char *)options.parameters[i].name);
-    return status;
+    if (interrupted())
+        die_interrupted();
+    return 0;
 }

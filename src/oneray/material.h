@@ -130,21 +130,22 @@ INLINE Real refracted_cosine(Real c, Real ratio)
     return real_sqrt(real_max((real(1) - ratio) * (real(1) + ratio) + rc * rc, real(0)));
 }
 
-/* L15 Reflectance of a boundary between dielectrics for unpolarised light, exact: the mean of
-   ((η_o c - η_t c_t)/(η_o c + η_t c_t))² and the same with η_o and η_t exchanged; 1 in total reflection. */
+/* L15 Transmittance of a boundary between dielectrics for unpolarised light, exact: the mean of
+   4 η_o c η_t c_t/(η_o c + η_t c_t)² and the same with η_o and η_t exchanged in the sum; 0 in total reflection. As a
+   product, not as 1 - reflectance, it keeps its digits at grazing angles and next to total reflection. */
 INLINE Real fresnel_dielectric(Real c, Real c_t, Real ratio)
 {
-    Real s = (ratio * c - c_t) / (ratio * c + c_t), p = (ratio * c_t - c) / (ratio * c_t + c);
-    return select(c_t > real(0), real(0.5) * (s * s + p * p), real(1));
+    Real rc = ratio * c, rc_t = ratio * c_t, s = rc + c_t, p = rc_t + c;
+    return only(c_t > real(0), real(2) * ((rc / s) * (c_t / s) + (c / p) * (rc_t / p)));
 }
 
-/* L15 Schlick's approximation as in the lecture, R0 + (1 - R0)(1 - c)⁵, with the cosine on the side of the
+/* L15 1 minus Schlick's approximation as in the lecture, R0 + (1 - R0)(1 - c)⁵, with the cosine on the side of the
    smaller index. Total reflection is exact. */
 INLINE Real fresnel_schlick(Real c, Real c_t, Real ratio)
 {
     Real r = (ratio - real(1)) / (ratio + real(1)), x = real(1) - select(ratio > real(1), c_t, c);
-    Real r0 = r * r, xx = x * x;
-    return select(c_t > real(0), r0 + (real(1) - r0) * xx * xx * x, real(1));
+    Real xx = x * x;
+    return only(c_t > real(0), (real(1) - r * r) * (real(1) - xx * xx * x));
 }
 
 /* L15 The smooth boundary between two media: reflection with the chance of its reflectance, else
@@ -153,12 +154,12 @@ INLINE void sample_dielectric(const Materials *materials, const Surface *s, Inde
     Scatter *scatter, Features f)
 {
     Real ratio = gather(&materials->eta[0][0], row * 3), c = s->cos_o, c_t = refracted_cosine(c, ratio);
-    Real reflectance = f & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
-    Mask reflects = u < reflectance;
+    Real transmittance = f & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
+    Mask reflects = real(1) - u >= transmittance;
     Vec refracted = vec_sub(vec_scale(s->n, ratio * c - c_t), vec_scale(s->wo, ratio));
-    Vec transmittance = vec_gather((const Num(*)[3])materials->k, row);
+    Vec tint = vec_gather((const Num(*)[3])materials->k, row);
     scatter->wi = vec_select(reflects, mirrored(s), refracted);
-    scatter->factor = vec_select(reflects, albedo, transmittance);
+    scatter->factor = vec_select(reflects, albedo, tint);
     scatter->compression = select(reflects, real(1), ratio * ratio);
 }
 
@@ -203,7 +204,8 @@ STAGE Scatter sample_material(
         Scatter boundary = delta;
         Mask glass = f & HAS_CONDUCTOR ? gather_index(materials->kind, row) == index_of(MATERIAL_DIELECTRIC)
                                        : mask_all();
-        sample_dielectric(materials, s, row, albedo, u[0], &boundary, f);
+        if (any(glass))
+            sample_dielectric(materials, s, row, albedo, u[0], &boundary, f);
         delta.wi = vec_select(glass, boundary.wi, delta.wi);
         delta.factor = vec_select(glass, boundary.factor, delta.factor);
         delta.compression = select(glass & specular, boundary.compression, delta.compression);

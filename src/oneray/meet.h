@@ -4,15 +4,18 @@
 
 #include "shape.h"
 
+INLINE int axis_of_slot(const Shapes *shapes, int slot)
+{
+    return slot < shapes->aligned_slot[1] ? 0 : slot < shapes->aligned_slot[2] ? 1 : 2;
+}
+
 /* The lane's crossing of the flat shape of this slot. */
 INLINE Crossing crossing_of_slot(const Shapes *shapes, int slot, const Ray *ray, Mask *within)
 {
     Crossing c;
     if (slot < shapes->aligned_slot[3]) {
         const Aligned *a = &shapes->aligned[slot];
-        c = slot < shapes->aligned_slot[1]   ? aligned_crossing(a, ray, 0)
-            : slot < shapes->aligned_slot[2] ? aligned_crossing(a, ray, 1)
-                                             : aligned_crossing(a, ray, 2);
+        c = aligned_crossing(a, ray, axis_of_slot(shapes, slot));
         *within = within_aligned(a, c);
     } else if (slot < shapes->disk_slot) {
         c = flat_crossing(&shapes->rectangles[slot - shapes->aligned_slot[3]], ray);
@@ -30,10 +33,16 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
         return ball_meets(shapes, slot - shapes->sphere_slot, slot, ray, at);
     if (slot >= shapes->cube_slot)
         return cube_meets(shapes, (slot - shapes->cube_slot) / 6, slot, ray, at);
-    Mask within;
+    at->slot = index_of(slot);
+    Mask within, itself = ray->from == index_of(slot);
+    if (slot < shapes->aligned_slot[3]) {
+        int axis = axis_of_slot(shapes, slot);
+        Real inverse = real(1) / along(ray->d, axis);
+        return and_not(aligned_meets(&shapes->aligned[slot], ray, axis, inverse, &at->t), itself);
+    }
     Crossing c = crossing_of_slot(shapes, slot, ray, &within);
-    *at = (Hit){c.num / c.den, index_of(slot)};
-    return within & (c.num > real(0)) & (ray->from != index_of(slot));
+    at->t = c.num / c.den;
+    return and_not(within & (c.num > real(0)), itself);
 }
 
 STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target)
@@ -60,19 +69,20 @@ INLINE Mask one_lane(int lane)
 STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
     Hit hit = {ray->tmax, index_of(-1)}, at;
+    Beams beams;
+    beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane);
-        Beam beam;
+        Beam beam = beam_of(&beams, lane, -1, -1);
         Pending pending[PENDING_MOST];
         pending[0] = (Pending){0, 0};
-        beam_start(&beam, &shapes->tree, &ray->o, &ray->d, lane);
         for (int count = 1; count > 0;) {
             Pending next = pending[--count];
-            if (next.near > LANE(hit.t, lane))
+            if (next.near > LANE(hit.t, lane) * (1 + 8 * ROUNDING))
                 continue;
             if (next.child >= 0) {
-                add_children(&shapes->tree.nodes[next.child], &beam, LANE(hit.t, lane), pending, &count);
+                add_children(&shapes->tree.nodes[next.child], &beam, (float)LANE(hit.t, lane), pending, &count);
                 continue;
             }
             int slot = shapes->slot_of_leaf[-2 - next.child];
@@ -86,17 +96,18 @@ STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidin
 STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
 {
     Mask blocked = mask_none();
+    Beams beams;
+    beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane), met = mask_none();
-        Beam beam;
+        Beam beam = beam_of(&beams, lane, -1, -1);
         Pending pending[PENDING_MOST];
         pending[0] = (Pending){0, 0};
-        beam_start(&beam, &shapes->tree, &ray->o, &ray->d, lane);
         for (int count = 1; count > 0 && !any(met);) {
             int child = pending[--count].child;
             if (child >= 0)
-                add_children(&shapes->tree.nodes[child], &beam, LANE(ray->tmax, lane), pending, &count);
+                add_children(&shapes->tree.nodes[child], &beam, (float)LANE(ray->tmax, lane), pending, &count);
             else
                 met = one & slot_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, target);
         }
@@ -109,13 +120,13 @@ STAGE void triangles_hit(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Hit *hit, Features f)
 {
     unsigned hidden = f & HAS_HIDDEN ? mask_bits(hiding) : 0;
+    Beams beams;
+    beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
         Num t = LANE(hit->t, lane);
         Int slot = LANE(hit->slot, lane);
-        Beam beam;
-        beam_start(&beam, &shapes->triangles.tree, &ray->o, &ray->d, lane);
-        beam.from = LANE(ray->from, lane);
+        Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), -1);
         triangles_nearest(&shapes->triangles, &beam, hidden >> lane & 1 ? shapes->shines : NULL, &t, &slot);
         LANE(hit->t, lane) = t;
         LANE(hit->slot, lane) = slot;
@@ -125,12 +136,11 @@ STAGE void triangles_hit(
 STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target)
 {
     Mask blocked = mask_none();
+    Beams beams;
+    beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
-        Beam beam;
-        beam_start(&beam, &shapes->triangles.tree, &ray->o, &ray->d, lane);
-        beam.from = LANE(ray->from, lane);
-        beam.target = LANE(target, lane);
+        Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), LANE(target, lane));
         if (triangles_block(&shapes->triangles, &beam, LANE(ray->tmax, lane)))
             blocked |= one_lane(lane);
     }
@@ -200,7 +210,7 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
         Index i = slot - shapes->triangles.first_slot;
         Mask flat = i >= 0;
         Vec normal, plane;
-        triangle_surface(&shapes->triangles, index_select(flat, i, index_of(0)), (f & HAS_SMOOTH) != 0, &met,
+        triangle_surface(&shapes->triangles, index_select(flat, i, index_of(0)), (f & HAS_SMOOTH) && shapes->triangles.normal, &met,
             &normal, &plane);
         *p = vec_select(flat, met, *p);
         *n = vec_select(flat, normal, *n);

@@ -34,11 +34,14 @@ static void cross(const double a[3], const double b[3], double out[3])
 }
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
+/* Whatever the numbers' size: no square underflows or overflows. */
+static double length(const double a[3]) { return hypot(hypot(a[0], a[1]), a[2]); }
+
 void normalise(double a[3])
 {
-    double length = sqrt(dot(a, a));
-    for (int i = 0; i < 3 && length > 0; i++)
-        a[i] /= length;
+    double size = length(a);
+    for (int i = 0; i < 3 && size > 0; i++)
+        a[i] /= size;
 }
 
 /* The edges from corner k to the next two, and their cross product; from corner 0, along the normal. */
@@ -85,7 +88,7 @@ static void compute_normals(Mesh *mesh)
         for (int k = 0; k < 3; k++) {
             double a[3], b[3], across[3];
             edges(mesh, t, k, a, b, across);
-            double angle = atan2(sqrt(dot(across, across)), dot(a, b));
+            double angle = atan2(length(across), dot(a, b));
             normalise(across);
             for (int i = 0; i < 3; i++)
                 mesh->normal[mesh->triangle[t][k]][i] += angle * across[i];
@@ -153,11 +156,12 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
         turn_to_normals(mesh);
 }
 
-/* Room for `more` rows behind the first `count`, zeroed. */
+/* Room for `more` rows behind the first `count`, zeroed, and for one beyond, which kernels read along with the
+   last. */
 static void *grow(void *rows, int count, int more, size_t size)
 {
-    char *grown = reallocate(rows, (size_t)count + (size_t)more, size);
-    memset(grown + (size_t)count * size, 0, (size_t)more * size);
+    char *grown = reallocate(rows, (size_t)count + (size_t)more + 1, size);
+    memset(grown + (size_t)count * size, 0, ((size_t)more + 1) * size);
     return grown;
 }
 

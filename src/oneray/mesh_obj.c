@@ -21,12 +21,6 @@ typedef struct {
     int corner_count;
 } Obj;
 
-/* Room for one more; it doubles. */
-static void *room_for(void *rows, int count, size_t size)
-{
-    return (count & (count - 1)) == 0 ? reallocate(rows, 2 * (size_t)count + 1, size) : rows;
-}
-
 static void skip_spaces(Source *source)
 {
     source->at += strspn(source->at, " \t\r");

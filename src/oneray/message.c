@@ -8,16 +8,31 @@
 #include <string.h>
 #include <unistd.h>
 
-/* The one thing a signal handler must know, so the one global that changes. */
+/* What a signal handler must know, so the only globals that change. */
 static char unfinished[4096];
-static volatile sig_atomic_t is_unfinished;
+static volatile sig_atomic_t is_unfinished, heeded, stop;
 
 static void on_signal(int number)
 {
+    if (number == SIGINT && heeded && !stop) {
+        stop = 1;
+        return;
+    }
     if (is_unfinished)
         unlink(unfinished);
     signal(number, SIG_DFL);
     raise(number);
+}
+
+/* What is ignored, as under nohup, stays ignored. */
+static void handle(int number)
+{
+    struct sigaction now, ours = {0};
+    ours.sa_handler = on_signal;
+    ours.sa_flags = SA_RESTART;
+    sigemptyset(&ours.sa_mask);
+    if (sigaction(number, NULL, &now) == 0 && now.sa_handler != SIG_IGN)
+        sigaction(number, &ours, NULL);
 }
 
 void unfinished_file(const char *temporary_name)
@@ -29,11 +44,26 @@ void unfinished_file(const char *temporary_name)
         die("%s: the file name is too long", temporary_name);
     strcpy(unfinished, temporary_name);
     is_unfinished = 1;
-    const int signals[] = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
-    for (size_t i = 0; i < sizeof signals / sizeof *signals; i++)
-        if (signal(signals[i], on_signal) == SIG_IGN)
-            signal(signals[i], SIG_IGN);        /* as under nohup */
-    signal(SIGXFSZ, SIG_IGN);                   /* a file that may not grow is an error of the write */
+    handle(SIGINT);
+    handle(SIGTERM);
+    handle(SIGHUP);
+    handle(SIGPIPE);
+    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error of the write */
+}
+
+void heed_interrupt(void)
+{
+    heeded = 1;
+    handle(SIGINT);
+}
+
+bool interrupted(void) { return stop; }
+
+void die_interrupted(void)
+{
+    signal(SIGINT, SIG_DFL);
+    raise(SIGINT);
+    exit(2);
 }
 
 static void say(const char *prefix, const char *format, va_list arguments)
@@ -82,16 +112,19 @@ void *allocate(size_t count, size_t size)
 {
     void *block = calloc(count ? count : 1, size);
     if (!block)
-        die("out of memory (%zu bytes asked for)", count * size);
+        die("out of memory (%zu x %zu bytes asked for)", count, size);
     return block;
 }
 
 void *reallocate(void *block, size_t count, size_t size)
 {
-    if (size && count > SIZE_MAX / size)
-        die("out of memory");
-    block = realloc(block, count * size);
+    block = size && count > SIZE_MAX / size ? NULL : realloc(block, count * size);
     if (!block)
-        die("out of memory (%zu bytes asked for)", count * size);
+        die("out of memory (%zu x %zu bytes asked for)", count, size);
     return block;
+}
+
+void *room_for(void *rows, int count, size_t size)
+{
+    return (count & (count - 1)) == 0 ? reallocate(rows, 2 * (size_t)count + 1, size) : rows;
 }

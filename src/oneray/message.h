@@ -10,6 +10,7 @@
 #define NORETURN
 #endif
 
+#include <stdbool.h>
 #include <stddef.h>
 
 /* Say "oneray: …", "FILE:LINE: …" and "oneray: warning: …". */
@@ -21,8 +22,17 @@ void warn(const char *format, ...) PRINTF_LIKE(1, 2);
    none. */
 void unfinished_file(const char *temporary_name);
 
+/* From now on the first SIGINT only makes interrupted() true; the second ends the program, as it does where
+   SIGINT is ignored. die_interrupted() ends it as SIGINT would have. */
+void heed_interrupt(void);
+bool interrupted(void);
+NORETURN void die_interrupted(void);
+
 /* malloc and realloc that never return NULL: out of memory is an error like any other. */
 void *allocate(size_t count, size_t size);
 void *reallocate(void *block, size_t count, size_t size);
+
+/* Rows with room for one more behind the first `count`; the room doubles. */
+void *room_for(void *rows, int count, size_t size);
 
 #endif

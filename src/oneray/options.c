@@ -2,10 +2,12 @@
 
 #include "kernel.h"
 #include "message.h"
+#include "picture.h"
 #include "version.h"
 
 #include <ctype.h>
 #include <errno.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -66,16 +68,27 @@ static const Choice choices[CHOICES] = {
 };
 
 static const char usage[] =
-    "usage: oneray SCENE.xml [-o OUT.exr] [-Dname=value ...] [options]\n"
-    "       oneray merge PART.film ... -o OUT.exr\n"
+    "usage: oneray SCENE.xml [-o PICTURE] [-Dname=value ...] [options]\n"
+    "       oneray merge PART.film ... -o PICTURE [--exposure STOPS]\n"
     "\n"
     "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each\n"
     "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n"
     "\n"
-    "  -o OUT.exr             mean and standard error of each pixel (no error with --sampler sobol)\n"
+    "  -o OUT.exr|.pfm|.png   mean of each pixel; in .exr also its standard error (not with --sampler sobol);\n"
+    "                         .png in sRGB, 8 bits\n"
+    "  --exposure STOPS       of .png: 2^STOPS times as bright\n"
     "  -Dname=value           sets a <default> of the scene\n"
+    "  --width N, --height N  instead of the scene's; one alone keeps the image's shape\n"
+    "  --crop X,Y,WIDTH,HEIGHT\n"
+    "                         only these pixels, from the upper left; the same bits as in the whole image\n"
     "  --spp N                samples per pixel, instead of the scene's sample_count\n"
     "  --time SECONDS         as many samples per pixel as the time allows, at least one\n"
+    "  --error RELATIVE       until the root mean square of the pixels' standard errors is RELATIVE of the\n"
+    "                         image's mean (0.01 is 1 %); looks at 16, 18, 20 ... samples per pixel, by\n"
+    "                         eighths; with --spp N or --time no longer than these say\n"
+    "  --checkpoint FILE      keeps the film there, at least every --checkpoint-seconds N (60*), as long as\n"
+    "                         one sample of every pixel takes less\n"
+    "  --resume               goes on from the checkpoint, if there is one: the same bits as in one run\n"
     "  --seed S               0*; another seed gives other, independent samples\n";
 
 static const char usage_end[] =
@@ -127,6 +140,16 @@ static int choose(const Choice *choice, const char *word)
     die("%s %s is not supported (%s)", choice->name, word, known);
 }
 
+/* Is the word one of those in a list "a, b, c"? */
+static bool is_one_of(const char *list, const char *word)
+{
+    size_t length = strlen(word);
+    for (const char *at = list; at; at = strchr(at, ' '), at += at ? 1 : 0)
+        if (!strncmp(at, word, length) && (at[length] == ',' || !at[length]) && length)
+            return true;
+    return false;
+}
+
 static uint64_t whole(const char *option, const char *word, uint64_t least, uint64_t most)
 {
     char *end;
@@ -138,26 +161,28 @@ static uint64_t whole(const char *option, const char *word, uint64_t least, uint
     return value;
 }
 
-static double positive(const char *option, const char *word)
+double options_real(const char *option, const char *word, double low, double high)
 {
     char *end;
     double value = strtod(word, &end);
-    if (end == word || *end || !(value > 0 && value < 1e9))
-        die("%s %s: a number of seconds above 0 is wanted", option, word);
+    if (end == word || *end || !(value > low && value < high))
+        die("%s %s: a number between %g and %g is wanted", option, word, low, high);
     return value;
 }
 
-/* FIRST:COUNT */
-static void range(Options *options, const char *word)
+/* Whole numbers with `between` between them. */
+static void numbers(const char *option, const char *word, const char *form, uint64_t *to, int count)
 {
-    char first[32];
-    const char *colon = strchr(word, ':');
-    if (!colon || colon - word >= (long)sizeof first)
-        die("--samples %s: FIRST:COUNT is wanted, such as 0:64", word);
-    memcpy(first, word, (size_t)(colon - word));
-    first[colon - word] = 0;
-    options->first_sample = whole("--samples FIRST", first, 0, (uint64_t)1 << 48);
-    options->sample_count = whole("--samples COUNT", colon + 1, 1, (uint64_t)1 << 48);
+    const char *at = word;
+    for (int i = 0; i < count; i++) {
+        char *end;
+        errno = 0;
+        to[i] = strtoull(at, &end, 10);
+        if (!isdigit((unsigned char)*at) || errno || to[i] > MOST_SAMPLES
+            || *end != (i + 1 == count ? '\0' : count == 2 ? ':' : ','))
+            die("%s %s: %s is wanted", option, word, form);
+        at = end + 1;
+    }
 }
 
 static void parameter(Options *options, const char *word)
@@ -176,39 +201,68 @@ static void parameter(Options *options, const char *word)
     options->parameters[options->parameter_count++] = (Parameter){copy, equals + 1, false};
 }
 
-/* An option that takes a word. */
-static void with_word(Options *o, int given[CHOICES], const char *name, const char *word)
+/* An option that takes a word, and where it goes. */
+typedef struct {
+    const char *name;
+    enum { TEXT, WORD, WHOLE, POSITIVE, STOPS, RANGE, CROP, WIDTH } kind;
+    size_t at;            /* in Options */
+    uint64_t least, most; /* of WHOLE */
+    const char *words;    /* the WORDs that are supported */
+} Plain;
+#define AT(field) offsetof(Options, field)
+static const Plain plain[] = {
+    {"-o", TEXT, AT(output), 0, 0, NULL},
+    {"--film", TEXT, AT(film), 0, 0, NULL},
+    {"--stats", TEXT, AT(stats), 0, 0, NULL},
+    {"--checkpoint", TEXT, AT(checkpoint), 0, 0, NULL},
+    {"--precision", WORD, AT(precision), 0, 0, "auto, double, single"},
+    {"--kernel", WORD, AT(kernel), 0, 0, "auto, generic"},
+    {"--spp", WHOLE, AT(spp), 1, MOST_SAMPLES, NULL},
+    {"--seed", WHOLE, AT(seed), 0, UINT64_MAX, NULL},
+    {"--width", WHOLE, AT(size[0]), 1, 65536, NULL},
+    {"--height", WHOLE, AT(size[1]), 1, 65536, NULL},
+    {"--time", POSITIVE, AT(seconds), 0, 0, NULL},
+    {"--error", POSITIVE, AT(error), 0, 0, NULL},
+    {"--checkpoint-seconds", POSITIVE, AT(checkpoint_seconds), 0, 0, NULL},
+    {"--exposure", STOPS, AT(exposure), 0, 0, NULL},
+    {"--samples", RANGE, AT(first_sample), 0, 0, NULL},
+    {"--crop", CROP, AT(crop), 0, 0, NULL},
+    {"--lanes", WIDTH, AT(lanes), 0, 0, NULL},
+};
+
+static const Plain *plain_option(const char *name)
 {
-    for (int i = 0; i < CHOICES; i++)
-        if (!strcmp(name, choices[i].name)) {
-            given[i] = choose(&choices[i], word);
-            return;
-        }
-    if (!strcmp(name, "-o"))
-        o->output = word;
-    else if (!strcmp(name, "--spp"))
-        o->spp = whole(name, word, 1, (uint64_t)1 << 48);
-    else if (!strcmp(name, "--time"))
-        o->seconds = positive(name, word);
-    else if (!strcmp(name, "--seed"))
-        o->seed = whole(name, word, 0, UINT64_MAX);
-    else if (!strcmp(name, "--samples"))
-        range(o, word);
-    else if (!strcmp(name, "--film"))
-        o->film = word;
-    else if (!strcmp(name, "--stats"))
-        o->stats = word;
-    else if (!strcmp(name, "--precision")
-             && (!strcmp(word, "auto") || !strcmp(word, "double") || !strcmp(word, "single")))
-        o->precision = word;
-    else if (!strcmp(name, "--precision"))
-        die("--precision %s is not supported (auto, double, single)", word);
-    else if (!strcmp(name, "--kernel") && (!strcmp(word, "auto") || !strcmp(word, "generic")))
-        o->generic = !strcmp(word, "generic");
-    else if (!strcmp(name, "--kernel"))
-        die("--kernel %s is not supported (auto, generic)", word);
-    else
-        o->lanes = strcmp(word, "auto") ? (int)whole(name, word, 1, 16) : 0;
+    for (size_t i = 0; i < sizeof plain / sizeof *plain; i++)
+        if (!strcmp(name, plain[i].name))
+            return &plain[i];
+    return NULL;
+}
+
+static void with_word(Options *o, const Plain *option, const char *word)
+{
+    void *at = (char *)o + option->at;
+    switch (option->kind) {
+    case WORD:
+        if (!is_one_of(option->words, word))
+            die("%s %s is not supported (%s)", option->name, word, option->words);
+        *(const char **)at = word;
+        break;
+    case TEXT: *(const char **)at = word; break;
+    case WHOLE: *(uint64_t *)at = whole(option->name, word, option->least, option->most); break;
+    case POSITIVE: *(double *)at = options_real(option->name, word, 0, 1e9); break;
+    case STOPS: *(double *)at = options_real(option->name, word, -128, 128); break;
+    case RANGE:
+        numbers(option->name, word, "FIRST:COUNT", at, 2);
+        if (!o->sample_count)
+            die("--samples %s: COUNT is 1 at least", word);
+        break;
+    case CROP:
+        numbers(option->name, word, "X,Y,WIDTH,HEIGHT", at, 4);
+        if (!o->crop[2] || !o->crop[3])
+            die("--crop %s: WIDTH and HEIGHT are 1 at least", word);
+        break;
+    case WIDTH: *(int *)at = strcmp(word, "auto") ? (int)whole("--lanes", word, 1, 16) : 0; break;
+    }
 }
 
 /* Options of a technique that the estimator has no use for. */
@@ -245,14 +299,22 @@ static void check_given(Options *o, const int given[CHOICES])
     check_technique(&o->technique, given);
     if (o->spp && o->seconds > 0)
         die("--spp and --time: give one of them");
+    if (o->error > 0 && o->technique.sampler == SAMPLER_SOBOL)
+        die("--error wants the standard errors of independent samples: not with --sampler sobol");
     if ((o->sample_count != 0) != (o->film != NULL))
         die("--samples and --film go together: --samples FIRST:COUNT --film PART.film");
-    if (o->sample_count && (o->spp || o->seconds > 0))
-        die("--samples says which samples are rendered: --spp and --time do not go with it");
+    if (o->sample_count && (o->spp || o->seconds > 0 || o->error > 0))
+        die("--samples says which samples are rendered: --spp, --time and --error do not go with it");
     if (o->film && o->output)
         die("--film writes a part; `oneray merge PART.film ... -o OUT.exr` makes the picture");
     if (!o->film && !o->output && !o->stats)
         die("nothing to do: give -o OUT.exr (or --stats - for the figures alone)");
+    if (!o->checkpoint && (o->resume || o->checkpoint_seconds > 0))
+        die("%s: --checkpoint FILE is wanted with it", o->resume ? "--resume" : "--checkpoint-seconds");
+    if (o->output)
+        picture_check_name(o->output, o->exposure);
+    if (o->checkpoint_seconds <= 0)
+        o->checkpoint_seconds = 60;
     if (strcmp(o->precision, "auto"))
         options_kernel(o);
 }
@@ -261,6 +323,8 @@ static void flag(Options *options, const char *word)
 {
     if (!strcmp(word, "--quiet"))
         options->quiet = true;
+    else if (!strcmp(word, "--resume"))
+        options->resume = true;
     else if (!strcmp(word, "--help") || !strcmp(word, "-h"))
         help(), exit(0);
     else if (!strcmp(word, "--version"))
@@ -275,35 +339,34 @@ static void flag(Options *options, const char *word)
         options->scene = word;
 }
 
-static bool takes_word(const char *name)
+static int choice_option(const char *name)
 {
-    static const char *const names[] = {"-o", "--spp", "--time", "--seed", "--samples", "--film", "--stats",
-        "--precision", "--kernel", "--lanes"};
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (!strcmp(name, names[i]))
-            return true;
-    for (int i = 0; i < CHOICES; i++)
-        if (!strcmp(name, choices[i].name))
-            return true;
-    return false;
+    int i = 0;
+    while (i < CHOICES && strcmp(name, choices[i].name))
+        i++;
+    return i;
 }
 
 Options options_read(int count, char **words)
 {
     Options o = {0};
     int given[CHOICES];
-    o.precision = "auto";
+    o.precision = o.kernel = "auto";
     for (int i = 0; i < CHOICES; i++)
         given[i] = -1;
     for (int i = 1; i < count; i++) {
-        if (!takes_word(words[i])) {
+        const Plain *option = plain_option(words[i]);
+        int choice = choice_option(words[i]);
+        if (!option && choice == CHOICES) {
             flag(&o, words[i]);
             continue;
         }
-        if (i + 1 == count)
-            die("%s: a value is wanted after it", words[i]);
-        with_word(&o, given, words[i], words[i + 1]);
-        i++;
+        if (++i == count)
+            die("%s: a value is wanted after it", words[i - 1]);
+        if (option)
+            with_word(&o, option, words[i]);
+        else
+            given[choice] = choose(&choices[choice], words[i]);
     }
     int value[CHOICES];
     for (int i = 0; i < CHOICES; i++)
@@ -339,9 +402,15 @@ static const Material *absorbs_nothing(const Description *scene)
 
 void options_check(const Options *options, const Description *scene)
 {
+    const Sensor *sensor = &scene->sensor;
+    const uint64_t *crop = options->crop, width = (uint64_t)sensor->width, height = (uint64_t)sensor->height;
+    if (crop[2] > width || crop[0] > width - crop[2] || crop[3] > height || crop[1] > height - crop[3])
+        die("--crop: the image has %d x %d pixels", sensor->width, sensor->height);
     static const char *const kinds[LIGHT_KINDS] = {"area", "point", "spot", "directional", "constant"};
     for (int i = 0; i < scene->light_count; i++) {
         const Light *light = &scene->lights[i];
+        if (!light_has_power(light))
+            warn("%s:%d: this light has no power and is left out", options->scene, light->line);
         if (options->technique.estimator == ESTIMATOR_WALK && light->kind != LIGHT_AREA
             && light->kind != LIGHT_CONSTANT)
             die_at(options->scene, light->line,

@@ -10,24 +10,33 @@
 #include <stdint.h>
 
 enum { MAX_PARAMETERS = 64 };
+#define MOST_SAMPLES ((uint64_t)1 << 48) /* per pixel */
 
 typedef struct {
-    const char *scene, *output, *film, *stats; /* NULL: not given; stats "-" is standard output */
+    const char *scene, *output, *film, *stats, *checkpoint; /* NULL: not given; stats "-" is standard output */
     Parameter parameters[MAX_PARAMETERS];
     int parameter_count;
-    uint64_t spp;                              /* 0: the scene's sample_count */
-    double seconds;                            /* 0: no limit */
+    uint64_t spp;                              /* 0: the scene's sample_count, or without limit */
+    double seconds, error;                     /* budgets; 0: without limit */
+    double checkpoint_seconds;
     uint64_t seed, first_sample, sample_count; /* sample_count 0: not a part */
+    uint64_t size[2];                          /* width and height; 0: the scene's */
+    uint64_t crop[4];                          /* x, y, width, height; width 0: the whole image */
+    double exposure;                           /* stops */
     Technique technique;
     const char *precision;     /* "auto" until the scene is known */
     char precision_reason[128]; /* why, where it was auto */
+    const char *kernel;
     int lanes; /* 0: the widest */
-    bool generic, quiet;
+    bool resume, quiet;
 } Options;
 
 /* Reads the command line; --help and --version print and end the program, errors end it with exit
    status 2. */
 Options options_read(int count, char **words);
+
+/* The word as the value of an option, a number strictly between low and high, or an error. */
+double options_real(const char *option, const char *word, double low, double high);
 
 /* Ends the program if the scene does not go with the options: says why. */
 void options_check(const Options *options, const Description *scene);

@@ -66,3 +66,20 @@ void output_done(const char *file, const char *temporary)
         output_failed(file);
     unfinished_file(NULL);
 }
+
+FILE *output_open(const char *file, char temporary[OUTPUT_NAME])
+{
+    output_name(file, temporary);
+    FILE *stream = fopen(temporary, "wb");
+    if (!stream)
+        output_failed(file);
+    return stream;
+}
+
+void output_close(FILE *stream, const char *file, const char *temporary)
+{
+    int bad = ferror(stream);
+    if (fclose(stream) || bad)
+        output_failed(file);
+    output_done(file, temporary);
+}

@@ -19,6 +19,7 @@
 #define SMALLEST_GAP (1.0 / 8192)  /* of M: between shapes, a light and a plane, the corners of a triangle */
 #define DIMMEST 1e-12
 #define BRIGHTEST 1e12
+#define RANGE 1e6                  /* of the brightest light over the dimmest */
 #define DEEPEST 256                /* vertices beyond which less than a millionth of the light may come */
 #define SMALLEST_PIXEL 1e-5        /* radians */
 #define WIDEST_IMAGE 4096
@@ -41,6 +42,12 @@ static bool because(Reason reason, const char *format, ...)
 
 static double largest(const double a[3]) { return fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2]))); }
 
+/* A light in a point that is not left out. */
+static bool is_point(const Light *light)
+{
+    return (light->kind == LIGHT_POINT || light->kind == LIGHT_SPOT) && light_has_power(light);
+}
+
 /* M, the largest coordinate, and how far the scene extends along its longest axis. */
 static double reach_of(const Description *d, double *extent)
 {
@@ -52,7 +59,7 @@ static double reach_of(const Description *d, double *extent)
     }
     reach = fmax(largest(origin), fmax(largest(low), largest(high)));
     for (int i = 0; i < d->light_count; i++)
-        if (d->lights[i].kind == LIGHT_POINT || d->lights[i].kind == LIGHT_SPOT)
+        if (is_point(&d->lights[i]))
             reach = fmax(reach, largest(d->lights[i].position));
     return reach;
 }
@@ -88,15 +95,33 @@ static bool odd_material(const Description *d, Reason reason)
     return false;
 }
 
+/* What the light gives at the scene's own distance, of the order of a radiance. */
+static double met_of(const Light *light, int channel, double reach)
+{
+    return is_point(light) ? light->emission[channel] / (reach * reach) : light->emission[channel];
+}
+
+static bool odd_range(const Description *d, double reach, Reason reason)
+{
+    double brightest = 0, dimmest = HUGE_VAL;
+    for (int i = 0; i < d->light_count; i++) {
+        double most = 0;
+        for (int c = 0; c < 3; c++)
+            most = fmax(most, met_of(&d->lights[i], c, reach));
+        brightest = fmax(brightest, most);
+        dimmest = most > 0 ? fmin(dimmest, most) : dimmest;
+    }
+    return brightest > RANGE * dimmest && because(reason, "one light %.1g times as bright as another", brightest / dimmest);
+}
+
 static bool odd_light(const Light *light, double reach, Reason reason)
 {
-    bool far = light->kind == LIGHT_AREA || light->kind == LIGHT_DIRECTIONAL || light->kind == LIGHT_CONSTANT;
     for (int c = 0; c < 3; c++) {
-        double met = far ? light->emission[c] : light->emission[c] / (reach * reach);
+        double met = met_of(light, c, reach);
         if (light->emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
             return because(reason, "line %d: a light of %.1g", light->line, light->emission[c]);
     }
-    if (light->kind == LIGHT_SPOT) {
+    if (light->kind == LIGHT_SPOT && light_has_power(light)) {
         double rim = light->cutoff_angle - light->beam_width;
         if (light->cutoff_angle < 1e-3 || rim < 1e-3 * light->cutoff_angle)
             return because(reason, "line %d: a spot with a cone or rim of less than 0.001", light->line);
@@ -112,21 +137,22 @@ static void column(const Shape *shape, int j, double out[3])
         out[i] = shape->to_world.m[i][j];
 }
 
-/* The root of twice a triangle's area. */
-static double triangle_size(const Mesh *mesh, int triangle)
+/* A triangle's least height: twice its area over its longest side. */
+static double triangle_height(const Mesh *mesh, int triangle)
 {
     const int32_t *corner = mesh->triangle[triangle];
-    double a[3], b[3], across[3];
+    double a[3], b[3], c[3], across[3];
     for (int i = 0; i < 3; i++) {
         a[i] = mesh->vertex[corner[1]][i] - mesh->vertex[corner[0]][i];
         b[i] = mesh->vertex[corner[2]][i] - mesh->vertex[corner[0]][i];
+        c[i] = b[i] - a[i];
     }
     for (int i = 0; i < 3; i++)
         across[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-    return sqrt(length(across));
+    return length(across) / fmax(length(a), fmax(length(b), length(c)));
 }
 
-/* Sizes: half the sides of a shape; of a mesh those of its box, where it is not flat, and its triangles'. */
+/* Sizes: half the sides of a shape; of a mesh those of its box, where it is not flat, and its triangles' heights. */
 static bool odd_size(const Description *d, const Shape *shape, double reach, Reason reason)
 {
     double side[3], low[3], high[3], smallest = HUGE_VAL;
@@ -139,9 +165,9 @@ static bool odd_size(const Description *d, const Shape *shape, double reach, Rea
     if (smallest < SMALLEST_SIZE * reach)
         return because(reason, "line %d: a shape of %.1g in a scene of %.1g", shape->line, smallest, reach);
     for (int k = 0; k < shape->triangle_count; k++) {
-        double size = triangle_size(&d->mesh, shape->first_triangle + k);
-        if (size > 0 && size < SMALLEST_GAP * reach)
-            return because(reason, "line %d: a triangle of %.1g in a scene of %.1g", shape->line, size, reach);
+        double height = triangle_height(&d->mesh, shape->first_triangle + k);
+        if (height < SMALLEST_GAP * reach)
+            return because(reason, "line %d: a triangle %.1g slim in a scene of %.1g", shape->line, height, reach);
     }
     return false;
 }
@@ -245,7 +271,7 @@ static bool odd_gap(const Description *d, double reach, Reason reason)
     for (int i = 0; i < count && !found; i++)
         for (int k = 0; k < d->light_count && bodies[i].plane_count && !found; k++) {
             const Light *light = &d->lights[k];
-            if ((light->kind == LIGHT_POINT || light->kind == LIGHT_SPOT)
+            if (is_point(light)
                 && fabs(height_over(bodies[i].planes, light->position)) < limit)
                 found = because(reason, "line %d: a light in the plane of line %d", light->line,
                     bodies[i].shape->line);
@@ -272,6 +298,8 @@ const char *precision_for(const Description *d, char *text, int size)
         return because(reason, "a scene that reaches out to %.1g", reach), "double";
     if (d->shape_count && reach > 16 * extent)
         return because(reason, "a scene of size %.1g at %.1g from the origin", extent, reach), "double";
+    if (odd_range(d, reach, reason))
+        return "double";
     for (int i = 0; i < d->light_count; i++)
         if (odd_light(&d->lights[i], reach, reason))
             return "double";
@@ -282,4 +310,21 @@ const char *precision_for(const Description *d, char *text, int size)
         return "double";
     because(reason, "no small size, narrow gap, long path or extreme light");
     return "single";
+}
+
+/* Beyond these a square overflows single floats, or underflows. */
+#define SINGLE_LARGEST 1e15
+#define SINGLE_BRIGHTEST 1e36
+
+void refuse_beyond_single(const Description *d, const char *file)
+{
+    double extent = 0, reach = reach_of(d, &extent);
+    if (!(reach <= SINGLE_LARGEST))
+        die("%s: --precision single: the scene reaches out to %.1g, beyond %g (auto takes double)", file, reach,
+            SINGLE_LARGEST);
+    for (int i = 0; i < d->light_count; i++)
+        for (int c = 0; c < 3; c++)
+            if (!(d->lights[i].emission[c] <= SINGLE_BRIGHTEST))
+                die_at(file, d->lights[i].line, "--precision single: a light of %.1g, beyond %g (auto takes double)",
+                    d->lights[i].emission[c], SINGLE_BRIGHTEST);
 }

@@ -8,4 +8,7 @@
    `reason` gets the rule that decided, at most size characters. */
 const char *precision_for(const Description *scene, char *reason, int size);
 
+/* Ends the program if the scene has numbers that single precision cannot hold, or whose squares it cannot. */
+void refuse_beyond_single(const Description *scene, const char *file);
+
 #endif

@@ -2,6 +2,7 @@
 #ifndef ONERAY_PREPARE_H
 #define ONERAY_PREPARE_H
 
+#include "kernel.h"
 #include "prepare_lights.h"
 #include "prepare_materials.h"
 
@@ -100,7 +101,7 @@ static Features features_of(const Description *d, const Technique *technique)
     if (count_primitives(d) > LOOP_MOST)
         f |= HAS_TREE;
     for (int i = 0; i < d->light_count; i++) {
-        f |= features_of_light(d, &d->lights[i]);
+        f |= light_has_power(&d->lights[i]) ? features_of_light(d, &d->lights[i]) : 0;
         lights += sites_of(d, &d->lights[i]);
     }
     if (lights > 1)

@@ -33,6 +33,7 @@ static void cross(const double a[3], const double b[3], double out[3])
         out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
 }
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-static double length(const double a[3]) { return sqrt(dot(a, a)); }
+/* Whatever the numbers' size: no square underflows or overflows. */
+static double length(const double a[3]) { return hypot(hypot(a[0], a[1]), a[2]); }
 
 #endif

@@ -17,9 +17,11 @@ static double bounding_ball(const Description *d, double center[3])
 }
 
 /* How many lights of the kernel's kind a light of the scene is: a cube shines as six rectangles, a mesh as
-   its triangles. */
+   its triangles; one of no power as none. */
 static int sites_of(const Description *d, const Light *light)
 {
+    if (!light_has_power(light))
+        return 0;
     if (light->kind != LIGHT_AREA)
         return 1;
     const Shape *shape = &d->shapes[light->shape];
@@ -59,11 +61,17 @@ static double side_area(const Description *d, const Shape *shape, int k)
     }
 }
 
-/* Flux (W), the mean of the channels, in a scene of radius r: what the choice by power goes by. A spot's
-   cone is taken to its middle. */
-static double power_of(const Description *d, const Light *light, int side, double r)
+/* The mean of the channels. */
+static double mean_emission(const Light *light)
 {
-    double mean = (light->emission[0] + light->emission[1] + light->emission[2]) / 3;
+    return (light->emission[0] + light->emission[1] + light->emission[2]) / 3;
+}
+
+/* Flux (W) over the largest mean emission in the scene, with which it might overflow, in a scene of radius r: what
+   the choice by power goes by. A spot's cone is taken to its middle. */
+static double power_of(const Description *d, const Light *light, int side, double r, double largest_mean)
+{
+    double mean = mean_emission(light) / largest_mean;
     switch (light->kind) {
     case LIGHT_AREA: return PI * side_area(d, &d->shapes[light->shape], side) * mean;
     case LIGHT_POINT: return 4 * PI * mean;
@@ -126,7 +134,6 @@ static void prepare_triangle_site(
         return;
     store(lights->slot_emission[row], light->emission);
     lights->slot_light[row] = i - slot;
-    scene->shapes.shines[row] = 1;
 }
 
 static void prepare_panel(Num panel[PANEL_NUMBERS], double half_x, double half_y)
@@ -169,7 +176,6 @@ static void prepare_site(Scene *scene, const Description *d, const Light *light,
         prepare_panel(lights->panel[i], length(a), length(b));
     store(lights->slot_emission[slot], light->emission);
     lights->slot_light[slot] = i;
-    scene->shapes.shines[slot] = 1;
 }
 
 static void prepare_delta(Lights *lights, const Light *light, int i)
@@ -229,18 +235,23 @@ static void prepare_lights(
     Scene *scene, const Description *d, const Technique *technique, const int *first_slot)
 {
     Lights *lights = &scene->lights;
-    double center[3], radius = bounding_ball(d, center);
+    double center[3], radius = bounding_ball(d, center), largest_mean = 0;
     store(lights->world_center, center);
     lights->world_radius = (Num)radius;
-    for (int i = 0; i < d->light_count; i++)
+    for (int i = 0; i < d->light_count; i++) {
         lights->count += sites_of(d, &d->lights[i]);
+        largest_mean = fmax(largest_mean, mean_emission(&d->lights[i]));
+    }
     keep_lights(scene);
+    for (int i = 0; i < d->shape_count; i++)
+        for (int k = 0; d->shapes[i].light >= 0 && k < slots_of(d->shapes[i].kind); k++)
+            scene->shapes.shines[first_slot[i] + k] = 1;
     double *power = allocate((size_t)lights->count, sizeof *power);
     for (int i = 0, site = 0; i < d->light_count; i++)
         for (int k = 0; k < sites_of(d, &d->lights[i]); k++, site++) {
             const Light *light = &d->lights[i];
             store(lights->emission[site], light->emission);
-            power[site] = power_of(d, light, k, radius);
+            power[site] = power_of(d, light, k, radius, largest_mean);
             if (light->kind == LIGHT_AREA && d->shapes[light->shape].kind == SHAPE_MESH)
                 prepare_triangle_site(scene, d, light, site, k, first_slot[light->shape]);
             else if (light->kind == LIGHT_AREA)

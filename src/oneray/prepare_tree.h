@@ -13,13 +13,14 @@ typedef struct {
     double key;             /* to sort by */
 } Leaf;
 
-static Leaf leaf_of(const Lights *lights, int i)
+/* largest: the largest emission, which powers are relative to, so that none overflows. */
+static Leaf leaf_of(const Lights *lights, int i, double largest)
 {
     Leaf leaf = {.light = i, .axis = {0, 0, 1}, .spread = PI};
     double x[3], y[3];
     for (int c = 0; c < 3; c++) {
         leaf.center[c] = (double)lights->position[i][c];
-        leaf.power += (double)lights->emission[i][c] / 3;
+        leaf.power += (double)lights->emission[i][c] / largest / 3;
         x[c] = (double)lights->edge_x[i][c];
         y[c] = (double)lights->edge_y[i][c];
     }
@@ -139,8 +140,12 @@ static void prepare_tree(Scene *scene)
     tree->child = keep(scene, 2 * n, sizeof *tree->child);
     tree->trail = keep(scene, n, sizeof *tree->trail);
     tree->uniform_share = (Num)0.5;
+    double largest = 0;
     for (int i = 0; i < lights->count; i++)
-        leaves[i] = leaf_of(lights, i);
+        for (int c = 0; c < 3; c++)
+            largest = fmax(largest, (double)lights->emission[i][c]);
+    for (int i = 0; i < lights->count; i++)
+        leaves[i] = leaf_of(lights, i, largest);
     branches[0] = (Branch){0, lights->count, 0, 0};
     for (int node = 0, used = 1; node < used; node++) {
         Branch b = branches[node];

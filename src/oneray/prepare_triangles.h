@@ -36,32 +36,31 @@ static void set_item(BvhItem *item, const Bounds *bounds, const Bounds *all, int
 }
 
 /* The nodes' bounds, from the leaves upwards: a child has a higher number than its node. */
-static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds *of_leaf)
+static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds *of_leaf, const Bounds *all)
 {
-    Bounds all = bounds_empty();
+    for (int i = 0; i < 3; i++) {
+        tree->center[i] = (Num)0.5 * all->low[i] + (Num)0.5 * all->high[i];
+        tree->extent[i] = (Num)0.5 * all->high[i] - (Num)0.5 * all->low[i];
+    }
     tree->nodes = keep(scene, (size_t)bvh->node_count, sizeof *tree->nodes);
     for (int n = bvh->node_count - 1; n >= 0; n--) {
         TreeNode *node = &tree->nodes[n];
         node->where = bvh->nodes[n];
-        all = bounds_empty();
         for (int k = 0; k < BVH_WIDTH; k++) {
             int child = node->where.child[k];
             Bounds bounds = child < -1 ? of_leaf[-2 - child] : bounds_empty();
-            for (int j = 0; child >= 0 && j < BVH_WIDTH; j++) {
-                const TreeNode *below = &tree->nodes[child];
-                const Num low[3] = {below->plane[0][j], below->plane[1][j], below->plane[2][j]};
-                const Num high[3] = {below->plane[3][j], below->plane[4][j], below->plane[5][j]};
-                bounds_join(&bounds, low, high);
-            }
             for (int i = 0; i < 3; i++) {
-                node->plane[i][k] = bounds.low[i];
-                node->plane[3 + i][k] = bounds.high[i];
+                float low = (float)(bounds.low[i] - tree->center[i]);
+                float high = (float)(bounds.high[i] - tree->center[i]);
+                for (int j = 0; child >= 0 && j < BVH_WIDTH; j++) {
+                    low = fminf(low, tree->nodes[child].plane[i][j]);
+                    high = fmaxf(high, tree->nodes[child].plane[3 + i][j]);
+                }
+                node->plane[i][k] = low;
+                node->plane[3 + i][k] = high;
             }
-            bounds_join(&all, bounds.low, bounds.high);
         }
     }
-    memcpy(tree->low, all.low, sizeof tree->low);
-    memcpy(tree->high, all.high, sizeof tree->high);
 }
 
 /* Vectors in the kernel's numbers: the description's own if these are doubles. */
@@ -138,7 +137,7 @@ static void prepare_triangle_tree(Scene *scene, int count)
         }
     }
     free(items);
-    prepare_nodes(scene, &triangles->tree, &bvh, of_leaf);
+    prepare_nodes(scene, &triangles->tree, &bvh, of_leaf, &all);
     free(of_leaf);
     bvh_free(&bvh);
 }
@@ -203,7 +202,7 @@ static void prepare_shape_tree(Scene *scene, const Description *d, const int *fi
         s->slot_of_leaf[n] = first_slot[shape];
         of_leaf[n] = bounds[shape];
     }
-    prepare_nodes(scene, &s->tree, &bvh, of_leaf);
+    prepare_nodes(scene, &s->tree, &bvh, of_leaf, &all);
     free(items);
     free(bounds);
     free(of_leaf);

@@ -8,9 +8,33 @@
 
 double seconds_now(void); /* a clock that only goes forward */
 
-/* Renders options' samples of the prepared scene into the film. A sample that is no radiance, or a path
-   without end, ends the program with its place. */
-void render(const Options *options, const Description *scene, const Kernel *kernel, const void *prepared,
-    Film *film, Counters *counters);
+/* A line on a terminal's standard error, none in a pipe. */
+typedef struct {
+    bool shown;
+    double last, last_error; /* seconds_now() when it was shown, and when the error was estimated */
+    double error;            /* as film_relative_error(); 0: not known yet */
+} Progress;
+
+/* What a render has to do, and how far it is. */
+typedef struct {
+    const Options *options;
+    const Description *scene;
+    const Kernel *kernel;
+    const void *prepared;
+    Film film;
+    Counters counters;
+    uint64_t wanted;  /* samples per pixel, at most */
+    uint64_t resumed; /* of them those that a checkpoint had */
+    const char *ended_by; /* "samples", "time", "error" or "interrupt" */
+    double started, saved; /* seconds_now() of the start and of the last checkpoint's film */
+    Progress progress;
+} Render;
+
+/* The name of the kernel's instance that renders. */
+const char *render_instance(const Render *r);
+
+/* Renders options' samples of the prepared scene into the film, which has its window and identity. A sample that
+   is no radiance, or a path without end, ends the program with its place. */
+void render(Render *r);
 
 #endif

@@ -19,7 +19,5 @@ typedef struct {
     int kept_count;
 } Scene;
 
-/* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut. */
-#define PATH_LIMIT 1000000
 
 #endif

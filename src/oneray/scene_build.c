@@ -1,6 +1,7 @@
 /* From the elements of a scene file to a Description: for each plugin a function, and a row in a table. */
 #include "scene_xml.h"
 
+#include "bounds.h"
 #include "mesh.h"
 
 #include <math.h>
@@ -15,6 +16,7 @@ typedef struct {
     Description *description;
     int default_material;                         /* of shapes without a bsdf, once one needs it */
     const Node *constant;                         /* the one environment that Mitsuba allows */
+    const uint64_t *size;                         /* that the image shall have, or NULL */
 } Builder;
 
 typedef struct {
@@ -50,14 +52,8 @@ static Node *only_child(const Node *node, const char *tag)
     return found;
 }
 
-/* Appends to one of the description's arrays, whose room doubles: a power of two elements fill it. */
-static void *append_to(void *array, int *count, size_t size)
-{
-    if ((*count & (*count - 1)) == 0)
-        array = reallocate(array, 2 * (size_t)*count + 1, size);
-    ++*count;
-    return array;
-}
+/* Appends to one of the description's arrays. */
+static void *append_to(void *array, int *count, size_t size) { return room_for(array, (*count)++, size); }
 
 /* Materials. A bsdf that several shapes refer to becomes one material. */
 
@@ -386,7 +382,7 @@ static void read_sphere(Builder *builder, Node *node)
     Property properties[] = {
         [TO_WORLD] = {"to_world", AS_TRANSFORM, &shape.to_world, NULL, NULL},
         [CENTER] = {"center", AS_VECTOR, center, NULL, NULL},
-        [RADIUS] = {"radius", AS_FLOAT, &radius, "(0,inf)", NULL},
+        [RADIUS] = {"radius", AS_FLOAT, &radius, "[0,inf)", NULL},
         [FLIP_NORMALS] = {"flip_normals", AS_BOOLEAN, &shape.flip_normals, NULL, NULL},
     };
     read_properties(node, properties, COUNT(properties), "bsdf ref emitter");
@@ -400,6 +396,11 @@ static void read_sphere(Builder *builder, Node *node)
     shape.to_world = affine_multiply(affine_translate(at.m[0][3], at.m[1][3], at.m[2][3]),
                                      affine_scale(radius, radius, radius));
     add_shape(builder, node, shape);
+    if (radius > 0)
+        return;
+    Description *d = builder->description;
+    warn("%s:%d: this sphere has no size and is left out", node->file, node->line);
+    d->light_count -= d->shapes[--d->shape_count].light >= 0;
 }
 
 static void read_plain_shape(Builder *builder, Node *node, ShapeKind kind)
@@ -493,6 +494,18 @@ static void read_box(Builder *builder, Node *node)
 
 static const Plugin rfilters[] = {{"box", read_box}};
 
+static double derived(double side) { return fmin(fmax(rint(side), 1), 1 << 28); }
+
+/* Another size; with one of the two the image keeps its shape. */
+static void set_size(Sensor *sensor, const uint64_t size[2])
+{
+    double width = (double)size[0], height = (double)size[1], shape = (double)sensor->width / sensor->height;
+    if (width > 0 || height > 0) {
+        sensor->width = (int)(width > 0 ? width : derived(height * shape));
+        sensor->height = (int)(height > 0 ? height : derived(width / shape));
+    }
+}
+
 static void read_hdrfilm(Builder *builder, Node *node)
 {
     Sensor *sensor = &builder->description->sensor;
@@ -506,6 +519,8 @@ static void read_hdrfilm(Builder *builder, Node *node)
     sensor->width = 768;
     sensor->height = 576;
     read_properties(node, properties, COUNT(properties), "rfilter");
+    if (builder->size)
+        set_size(sensor, builder->size);
     if ((int64_t)sensor->width * sensor->height > 1 << 28)
         fail(node, "%d x %d pixels are more than 2^28", sensor->width, sensor->height);
     Node *rfilter = only_child(node, "rfilter");
@@ -629,13 +644,42 @@ static void read_scene(Builder *builder, Node *root)
     d->material_count = used_materials;
 }
 
-Description *description_read(const char *file, Parameter *parameters, int parameter_count)
+/* Squares of lengths are wanted, so that half the exponents of a double are for lengths. */
+#define LONGEST 1e150
+
+static void check_length(const char *file, int line, double length)
+{
+    if (!(fabs(length) <= LONGEST))
+        die_at(file, line, "this reaches out to %.1g: %g is the longest length", fabs(length), LONGEST);
+}
+
+static void check_lengths(const Description *d, const char *file, int sensor_line)
+{
+    double low[3], high[3];
+    for (int axis = 0; axis < 3; axis++)
+        check_length(file, sensor_line, d->sensor.to_world.m[axis][3]);
+    check_length(file, sensor_line, d->sensor.far_clip);
+    for (int i = 0; i < d->shape_count; i++) {
+        bounds_of_shape(d, &d->shapes[i], low, high);
+        for (int axis = 0; axis < 3; axis++) {
+            check_length(file, d->shapes[i].line, low[axis]);
+            check_length(file, d->shapes[i].line, high[axis]);
+        }
+    }
+    for (int i = 0; i < d->light_count; i++)
+        for (int axis = 0; axis < 3; axis++)
+            check_length(file, d->lights[i].line, d->lights[i].position[axis]);
+}
+
+Description *description_read(
+    const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2])
 {
     SceneFile *scene = scene_file_open(file, parameters, parameter_count);
     Description *d = allocate(1, sizeof *d);
     *d = (Description){.sample_count = 4, .max_depth = -1, .rr_depth = 5, .hash = scene->hash};
-    Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE};
+    Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE, .size = size};
     read_scene(&builder, scene->root);
+    check_lengths(d, file, only_child(scene->root, "sensor")->line);
     scene_file_close(scene);
     return d;
 }

@@ -11,6 +11,7 @@
 #include <strings.h>
 
 static const double PI = 3.14159265358979323846;
+#define LARGEST 1e300
 static const char SEPARATORS[] = " ,\t\r\n";      /* between numbers */
 
 /* The elements that may give a kind of property. */
@@ -39,8 +40,8 @@ static double parse_number(const Node *node, const char *text, size_t length)
         memcpy(digits, text, length);
         digits[length] = '\0';
         double value = strtod(digits, &end);
-        if (*end == '\0' && fabs(value) > (double)FLT_MAX)
-            fail(node, "%s is too large: %g is the largest number", digits, (double)FLT_MAX);
+        if (*end == '\0' && !(fabs(value) <= LARGEST))
+            fail(node, "%s is too large: %g is the largest number", digits, LARGEST);
         if (*end == '\0')
             return value;
     }

@@ -8,7 +8,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { MAX_NESTING = 32, MAX_MIB = 64 };
+/* A <default> may use those before it, so that values could double with every line: there are bounds. */
+enum { MAX_NESTING = 32, MAX_MIB = 64, MAX_DEFAULTS = 1024, MAX_VALUE = 1 << 16 };
 static const char NAME_CHARACTERS[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
 
 /* The attributes an element takes; those with a ! it must have. */
@@ -92,6 +93,7 @@ typedef struct {
     int depth;
     Declared *parameters;
     int parameter_count;
+    size_t expanded;                              /* bytes of all values, $parameters replaced */
 } Reader;
 
 static int line_of(const Reader *reader)
@@ -135,8 +137,9 @@ static const char *use_parameter(Reader *reader, const char *text, size_t *lengt
 
 static Declared *add_parameter(Reader *reader, const char *name, const char *value)
 {
-    reader->parameters = reallocate(reader->parameters, (size_t)reader->parameter_count + 1,
-                                    sizeof *reader->parameters);
+    if (reader->parameter_count == MAX_DEFAULTS)
+        die_at(reader->file, line_of(reader), "more than %d parameters", MAX_DEFAULTS);
+    reader->parameters = room_for(reader->parameters, reader->parameter_count, sizeof *reader->parameters);
     Declared *added = &reader->parameters[reader->parameter_count++];
     *added = (Declared){.name = copy(name), .value = copy(value)};
     return added;
@@ -164,7 +167,12 @@ static char *substitute(Reader *reader, const char *text)
             append(&result, value, strlen(value));
             text += length;
         }
+        if (result.length > MAX_VALUE)
+            die_at(reader->file, line_of(reader), "a value of more than %d bytes", MAX_VALUE);
     }
+    reader->expanded += result.length;
+    if (reader->expanded >> 20 >= MAX_MIB)
+        die_at(reader->file, line_of(reader), "with the $parameters replaced, larger than %d MiB", MAX_MIB);
     for (char *c = result.text; *c; c++)
         if (iscntrl((unsigned char)*c))
             *c = ' ';
@@ -224,8 +232,7 @@ static void add_id(SceneFile *scene, Node *node)
         return;
     if (!*attribute(node, "id"))
         fail(node, "the id of <%s> is empty", node->tag);
-    if ((scene->id_count & (scene->id_count - 1)) == 0)       /* full: the room doubles */
-        scene->by_id = reallocate(scene->by_id, 2 * (size_t)scene->id_count + 1, sizeof *scene->by_id);
+    scene->by_id = room_for(scene->by_id, scene->id_count, sizeof *scene->by_id);
     scene->by_id[scene->id_count++] = node;
 }
 

@@ -183,19 +183,23 @@ INLINE void take_nearer(Nearest *nearest, Crossing c, Mask within, const Ray *ra
     nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
 }
 
-/* Rectangles along the axes share one division for each axis. */
+/* Where the ray meets a rectangle along the axes, those of one axis sharing a division. */
+INLINE Mask aligned_meets(const Aligned *a, const Ray *ray, int axis, Real inverse, Real *t)
+{
+    int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    *t = (real(a->plane) - along(ray->o, axis)) * inverse;
+    Real x = along(ray->o, u) + *t * along(ray->d, u) - real(a->center_u);
+    Real y = along(ray->o, v) + *t * along(ray->d, v) - real(a->center_v);
+    return (real_abs(x) <= real(a->half_u)) & (real_abs(y) <= real(a->half_v)) & (*t > real(0));
+}
+
 INLINE void aligned_nearest(
     const Shapes *shapes, const Ray *ray, Mask hiding, int axis, Nearest *nearest, Features f)
 {
-    int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    Real inverse = real(1) / along(ray->d, axis);
+    Real t, inverse = real(1) / along(ray->d, axis);
     for (int slot = shapes->aligned_slot[axis]; slot < shapes->aligned_slot[axis + 1]; slot++) {
-        const Aligned *a = &shapes->aligned[slot];
-        Real t = (real(a->plane) - along(ray->o, axis)) * inverse;
-        Real x = along(ray->o, u) + t * along(ray->d, u) - real(a->center_u);
-        Real y = along(ray->o, v) + t * along(ray->d, v) - real(a->center_v);
-        Mask nearer = (real_abs(x) <= real(a->half_u)) & (real_abs(y) <= real(a->half_v)) & (t > real(0))
-                      & (t < nearest->num) & can_meet(shapes, slot, hiding, f);
+        Mask nearer = aligned_meets(&shapes->aligned[slot], ray, axis, inverse, &t) & (t < nearest->num)
+                      & can_meet(shapes, slot, hiding, f);
         nearer = and_not(nearer, ray->from == index_of(slot));
         nearest->num = select(nearer, t, nearest->num);
         nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
@@ -299,10 +303,12 @@ INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
     Stretch s = cube_stretch(&shapes->cubes[i], ray, face, NULL);
     return stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
 }
+/* A sphere that shines outwards is never in its own way: however small, its near side is the target. */
 INLINE Mask ball_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
 {
-    Mask on = ray->from == index_of(slot);
-    return stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, target == index_of(slot));
+    Mask on = ray->from == index_of(slot), aim = target == index_of(slot);
+    Mask blocked = stretch_blocks(ball_stretch(&shapes->balls[i], ray, on), ray, on, aim);
+    return shapes->anchor[slot][3] < 0 ? blocked : and_not(blocked, aim);
 }
 
 /* Is any in the way, one after the other? */

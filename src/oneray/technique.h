@@ -78,7 +78,7 @@ FEATURES(X)
 #define EXACTLY                                                                                              \
     (USE_NEE | USE_MIS | USE_BALANCE | USE_SURVIVAL_PDF | USE_CONTRIBUTION | USE_LEARNED | USE_FACING        \
         | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_SCHLICK | USE_LIGHT_PATHS | HAS_HIDDEN               \
-        | HAS_TREE | HAS_TRIANGLE | HAS_SMOOTH | HAS_FRESNEL | HAS_DIELECTRIC | HAS_BLEND)
+        | HAS_TREE | HAS_TRIANGLE | HAS_FRESNEL | HAS_BLEND)
 #define EVERY_FEATURE (((Features)1 << FEATURE_COUNT) - 1)
 
 #endif

@@ -33,16 +33,16 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num t[8])
             memcpy(&x[c], leaf->corner[c][beam->axis[0]] + part, sizeof x[c]);
             memcpy(&y[c], leaf->corner[c][beam->axis[1]] + part, sizeof y[c]);
             memcpy(&z[c], leaf->corner[c][beam->axis[2]] + part, sizeof z[c]);
-            z[c] = z[c] - beam->o[beam->axis[2]];
-            x[c] = (x[c] - beam->o[beam->axis[0]]) - beam->shear[0] * z[c];
-            y[c] = (y[c] - beam->o[beam->axis[1]]) - beam->shear[1] * z[c];
+            z[c] = z[c] - PIECE_OF(BEAM(beam, o[2]));
+            x[c] = (x[c] - PIECE_OF(BEAM(beam, o[0]))) - PIECE_OF(BEAM(beam, shear[0])) * z[c];
+            y[c] = (y[c] - PIECE_OF(BEAM(beam, o[1]))) - PIECE_OF(BEAM(beam, shear[1])) * z[c];
         }
         Piece u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
         Piece least = PIECE_MIN(PIECE_MIN(u, v), w), most = PIECE_MAX(PIECE_MAX(u, v), w);
         PieceMask inside = (least >= zero) | (most <= zero);
         if (!piece_bits(&inside))
             continue;
-        Piece sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * beam->shear[2] / sum;
+        Piece sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * PIECE_OF(BEAM(beam, shear[2])) / sum;
         inside &= (sum != zero) & (at > zero);
         memcpy(t + part, &at, sizeof at);
         bits |= piece_bits(&inside) << part;
@@ -59,10 +59,10 @@ static inline void triangles_nearest(
     pending[0] = (Pending){0, 0};
     for (int count = 1; count > 0;) {
         Pending next = pending[--count];
-        if (next.near > *t)
+        if (next.near > *t * (1 + 8 * ROUNDING))
             continue;
         if (next.child >= 0) {
-            add_children(&triangles->tree.nodes[next.child], beam, *t, pending, &count);
+            add_children(&triangles->tree.nodes[next.child], beam, (float)*t, pending, &count);
             continue;
         }
         const TriangleLeaf *leaf = &triangles->leaves[-2 - next.child];
@@ -87,7 +87,7 @@ static inline int triangles_block(const Triangles *triangles, const Beam *beam, 
     for (int count = 1; count > 0;) {
         int child = pending[--count].child;
         if (child >= 0) {
-            add_children(&triangles->tree.nodes[child], beam, t, pending, &count);
+            add_children(&triangles->tree.nodes[child], beam, (float)t, pending, &count);
             continue;
         }
         const TriangleLeaf *leaf = &triangles->leaves[-2 - child];

@@ -27,8 +27,10 @@ RARE = 2.0
 """Deviations from which a pixel's noise counts no more: rare events alone would correlate by chance."""
 FEWEST_VARYING = 256
 """Pixels that must vary for their correlation to say anything."""
-SLOW = 3.0
-"""Noise per sample may not grow more than this many times with the number of samples."""
+GROWTH_ERROR, GROWTH_ERRORS = 0.7, 5.0
+"""Standard error of the logarithm of a region's variance from eight images, and how many of the median's are
+beyond chance.
+"""
 FEWER_NOISY = 0.5
 """Variance of a sample over the reference's, below which samples that are too dark look clamped."""
 
@@ -115,17 +117,17 @@ def stuck_noise(few: Array, spp: int, many: Array, more: int) -> str | None:
     """Noise that more samples do not lessen. `few` and `many` are means of tame regions (B, R, 3), at `spp`
     and `more` samples per pixel; the median over the regions is taken of the variance per sample.
     """
-    if more < 4 * spp or few.shape[1] < 5:
-        return None
     before, after = few.var(axis=0, ddof=1).mean(axis=1), many.var(axis=0, ddof=1).mean(axis=1)
     varies = (before > 0) & (after > 0)
-    if varies.sum() < 4:
+    if not varies.any() or more == spp:
         return None
-    growth = float(np.median(after[varies] * more / (before[varies] * spp)))
-    if growth < SLOW:
+    growth = float(np.median(np.log(after[varies] * more / (before[varies] * spp))))
+    stuck = math.log(more / spp)
+    error = GROWTH_ERROR / math.sqrt(varies.sum())
+    if abs(growth - stuck) > abs(growth) or abs(growth) < GROWTH_ERRORS * error:
         return None
     return (
-        f"{more / spp:.0f} times the samples have {growth / (more / spp):.2g} of the variance, not "
+        f"{more / spp:.2g} times the samples have {math.exp(growth - stuck):.2g} of the variance, not "
         f"{spp / more:.2g}: the samples of a pixel are not independent, are they all of one seed?"
     )
 
@@ -207,11 +209,14 @@ def _noise(images: Array, tiles: list[Tile]) -> Array:
 
 
 def _mismatch(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array, noise: Array) -> float:
-    """Mean squared relative difference of tiles over what noise alone would give (with rounding as its
-    floor).
+    """Mean squared difference of tiles, relative to the brighter of the two, over what noise alone would give
+    (with rounding as its floor). No tile counts for more than 1, so that a lamp where none should be does not
+    outweigh the rest of the image.
     """
-    difference = region_means(mean - reference, tiles) / yardstick
-    return float((difference**2).mean() / ((noise / yardstick**2).mean() + 1e-8))
+    found = region_means(mean, tiles)
+    brighter = np.maximum(yardstick, np.abs(found))
+    difference = (found - region_means(reference, tiles)) / brighter
+    return float((difference**2).mean() / ((noise / brighter**2).mean() + 1e-8))
 
 
 def _factor(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array) -> float:

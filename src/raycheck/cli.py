@@ -1,6 +1,8 @@
-"""The command line: raycheck verify, compare, report, techniques, reference, diagnose, scene,
-grade, selftest."""
+"""The command line: raycheck verify, compare, report, techniques, stability, reference, render, diagnose,
+scene, grade, selftest.
+"""
 
+import functools
 import math
 import os
 import shlex
@@ -24,10 +26,12 @@ from raycheck import (
     prices,
     reference_making,
     references,
+    render_command,
     scene_cli,
     selftest_cli,
     words,
 )
+from raycheck import stability as stiff
 from raycheck.cli_support import make_console, parse_settings, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
 from raycheck.junit import junit_xml
@@ -41,12 +45,14 @@ from raycheck.verify import verify as run_verification
 TILE_LIMITS = Limits.tile / Limits.image
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
 FEW_COMMANDS = """\
-raycheck judges Monte Carlo renderers against references. The three commands that matter:
+raycheck judges Monte Carlo renderers against references. The commands that matter:
 
   raycheck verify point-light --renderer "./mine {scene} --spp {spp} --seed {seed} -o {output}"
       Is your renderer right on average? PASS, FAIL and what is wrong, or INCONCLUSIVE and what would decide.
   raycheck verify cornell-box --images 'mine-*.exr'
       The same for pictures that are already rendered.
+  raycheck diagnose mine.exr
+      Which known mistake makes an image like this?
   raycheck compare A.exr B.exr
       Do two renders with standard errors show the same mean?
 
@@ -197,10 +203,14 @@ def report(
             metavar="FILE", help="Figures of scripts/benchmark.py; by default those of the references."
         ),
     ] = None,
+    stability: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Figures of stability --json; by default those of the references."),
+    ] = None,
 ) -> None:
     """Leave one offline page: pictures, error maps and verdicts of all scenes."""
     with plain_errors(), _progress("verifying") as on_case:
-        page = write_report(output, verification, on_case, benchmark)
+        page = write_report(output, verification, on_case, benchmark, stability)
     typer.echo(f"{page}: open it in a browser")
 
 
@@ -236,6 +246,41 @@ def techniques(
         budget = {"spp": spp} if spp else {"seconds": seconds}
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()} | budget
         replace(json_file, prices.to_json(result, header))
+
+
+@app.command()
+def stability(
+    cases: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names of stiff cases; all by default.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three values of each, oneray alone: half a minute.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Another number gives all-new samples.")] = 0,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
+    ] = None,
+) -> None:
+    """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
+    status 1 if oneray misses a goal.
+    """
+    writable(json_file)
+    with _progress("sweeping") as on_case, plain_errors():
+        wanted = stiff.cases_named(cases or ())
+        results = stiff.run(wanted, quick, seed, on_case)
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, name in enumerate(stiff.COLUMNS):
+        table.add_column(name, no_wrap=index < 4)
+    for result in results:
+        table.add_row(*stiff.row(result), style=None if result.holds() else "red")
+    make_console().print(table)
+    missed = [result.case for result in results if not result.holds()]
+    met = "all that was swept holds" if quick else f"all {len(results)} goals are met"
+    make_console().print(f"goals missed: {', '.join(missed)}" if missed else met)
+    if json_file:
+        header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()}
+        replace(json_file, stiff.to_json(results, header))
+    raise typer.Exit(1 if missed else 0)
 
 
 def _show_prices(result: list[prices.ScenePrices]) -> None:
@@ -419,10 +464,22 @@ def _progress(what: str):
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(what, total=None)
 
-        def on_case(case: Case | prices.Step, total: int) -> None:
+        def on_case(case: Case | prices.Step | stiff.Step, total: int) -> None:
             bar.update(task, total=total, advance=1, description=f"{what} {case.scene}, {case.technique}")
 
         yield on_case
+
+
+def _with_plain_errors(command: Callable[..., None]) -> Callable[..., None]:
+    @functools.wraps(command)
+    def run(*values: object, **options: object) -> None:
+        with plain_errors():
+            command(*values, **options)
+
+    return run
+
+
+app.command()(_with_plain_errors(render_command.render))
 
 
 def _saving(

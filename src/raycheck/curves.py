@@ -1,7 +1,7 @@
 """Curves on logarithmic axes as SVG that takes its colours from the page: class `curve0`, `curve1`, …"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from html import escape
 
 WIDTH, HEIGHT = 460, 320
@@ -22,8 +22,16 @@ def _range(values: Sequence[float]) -> tuple[int, int]:
     return low, max(high, low + 1)
 
 
-def log_log(curves: Mapping[str, Points], x_label: str, y_label: str) -> str:
-    """The curves, each a line with markers of its own shape, so that they differ without colour as well."""
+def _ticks(low: int, high: int, most: int = 9) -> Iterator[int]:
+    """Exponents to be marked: all, or of many every 2nd, 5th, 10th, 20th."""
+    step = next(step for step in (1, 2, 5, 10, 20, 50, 100) if (high - low) / step < most)
+    return (n for n in range(low, high + 1) if n % step == 0)
+
+
+def log_log(curves: Mapping[str, Points], x_label: str, y_label: str, plain: Collection[str] = ()) -> str:
+    """The curves, each a line with markers of its own shape, so that they differ without colour as well;
+    those that are `plain` are dashed and have none.
+    """
     every = [point for points in curves.values() for point in points]
     if not every:
         return ""
@@ -36,11 +44,11 @@ def log_log(curves: Mapping[str, Points], x_label: str, y_label: str) -> str:
     about = escape(f"{y_label} over {x_label}: {', '.join(curves)}")
     parts = [f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{about}">']
     bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
-    for n in range(x0, x1 + 1):
+    for n in _ticks(x0, x1):
         x, _ = place(10.0**n, 10.0**y0)
         parts.append(f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{bottom}"/>')
         parts.append(f'<text x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{power_of_ten(n)}</text>')
-    for n in range(y0, y1 + 1):
+    for n in _ticks(y0, y1):
         _, y = place(10.0**x0, 10.0**n)
         parts.append(f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}"/>')
         parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{power_of_ten(n)}</text>')
@@ -48,15 +56,17 @@ def log_log(curves: Mapping[str, Points], x_label: str, y_label: str) -> str:
     parts.append(f'<text x="{middle}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_label)}</text>')
     parts.append(f'<text transform="translate(12 {(TOP + bottom) / 2}) rotate(-90)" text-anchor="middle">'
                  f"{escape(y_label)}</text>")  # fmt: skip
-    for index, points in enumerate(curves.values()):
-        parts.append(_curve(index, [place(x, y) for x, y in points]))
+    for index, (name, points) in enumerate(curves.items()):
+        places = [place(x, y) for x, y in points]
+        parts.append(_curve(index, places, [] if name in plain else places))
     return "".join([*parts, "</svg>"])
 
 
-def _curve(index: int, places: Points) -> str:
+def _curve(index: int, places: Points, marked: Points) -> str:
     line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-    marks = "".join(_marker(index, x, y) for x, y in places)
-    return f'<g class="curve{index}"><polyline points="{line}"/>{marks}</g>'
+    marks = "".join(_marker(index, x, y) for x, y in marked)
+    dashes = "" if marked else ' stroke-dasharray="6 4"'
+    return f'<g class="curve{index}"><polyline points="{line}"{dashes}/>{marks}</g>'
 
 
 def _marker(index: int, x: float, y: float) -> str:
@@ -68,7 +78,7 @@ def _marker(index: int, x: float, y: float) -> str:
     return f'<path d="M{x:.1f} {y - 4.4:.1f}l4.4 7.4h-8.8z"/>'
 
 
-def key(index: int) -> str:
-    """The marker alone, for a legend."""
-    return (f'<svg class="plot key" viewBox="0 0 24 12" aria-hidden="true"><g class="curve{index}">'
-            f'<polyline points="0,6 24,6"/>{_marker(index, 12, 6)}</g></svg>')  # fmt: skip
+def key(index: int, plain: bool = False) -> str:
+    """The line and its marker alone, for a legend."""
+    drawn = _curve(index, [(0, 6), (24, 6)], [] if plain else [(12, 6)])
+    return f'<svg class="plot key" viewBox="0 0 24 12" aria-hidden="true">{drawn}</svg>'

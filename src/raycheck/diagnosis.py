@@ -6,9 +6,9 @@ their noise cancels. `references/signatures/SCENE.npz` holds those of a scene, `
 mistake is, and the hashes of the scenes and patches that they belong to.
 
 With D the error of the image, S a signature, a its strength and σ the noise of both,
-    χ²(a) = Σ (D - a S)² / (σ² + (τ D)² + (τ a S)²) + (ln a / ω)²,
+    χ²(a) = Σ (D - a S)² / (σ² + (τ D)² + (τ a S)²),
 where τ allows for mistakes that are like a catalogued one and not the same. The fit is the share of χ²(0)
-that the signature explains.
+that the signature explains, less ω (ln a)², since another strength is another mistake for all that is known.
 """
 
 import functools
@@ -28,10 +28,10 @@ Array = NDArray[np.float64]
 
 LIKENESS = 0.1
 """τ"""
-STRENGTH = 1.0
-"""ω: a mistake of e times the strength counts as one deviation."""
-STRENGTHS = np.exp(np.linspace(np.log(0.1), np.log(4.0), 38))
-KNOWN = 0.7
+STRENGTH = 0.1
+"""ω"""
+STRENGTHS = np.exp(np.linspace(np.log(0.2), np.log(3.0), 55))
+KNOWN = 0.85
 """Fit from which a mistake counts as explained…"""
 SIGNIFICANT = 4.0
 """…where χ²(0) is at least this many times the number of tiles: else there is nothing to explain."""
@@ -127,14 +127,13 @@ def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosi
     for one in found:
         chi += _chi_squared(one, names, strengths)
     nothing = float(chi[0, 0]) if len(names) else 0.0
-    chi = chi[:, 1:] + (np.log(STRENGTHS) / STRENGTH) ** 2
-    best = chi.argmin(axis=1)
-    order = np.argsort(chi.min(axis=1), kind="stable")[:3]
+    fit = 1 - chi[:, 1:] / max(nothing, 1e-30) - STRENGTH * np.log(STRENGTHS) ** 2
+    best = fit.argmax(axis=1)
+    order = np.argsort(-fit.max(axis=1), kind="stable")[:3]
     guesses = [
-        Guess(mistakes[names[i]], float(np.clip(1 - chi[i].min() / max(nothing, 1e-30), 0, 1)),
-              float(STRENGTHS[best[i]]))
+        Guess(mistakes[names[i]], float(np.clip(fit[i].max(), 0, 1)), float(STRENGTHS[best[i]]))
         for i in order
-    ]  # fmt: skip
+    ]
     values = sum(one.error.size for one in found)
     significant = nothing > SIGNIFICANT * values or _sure(found)
     return Diagnosis(guesses, bool(guesses) and guesses[0].fit >= KNOWN, significant, len(names))

@@ -1,6 +1,7 @@
 """raycheck grade: submissions of an assignment."""
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -52,6 +53,8 @@ def grade(
     points are left open for a manual review, 2 if nothing could be graded.
     """
     with plain_errors():
+        if sys.platform != "linux":
+            raise NotFound("grading needs Linux (on Windows: WSL); raycheck verify --renderer runs everywhere")
         if (submission is None) == (class_folder is None):
             raise NotFound("grade needs either a SUBMISSION or --class DIR")
         asked = read_assignment(assignment)

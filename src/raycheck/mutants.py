@@ -7,6 +7,7 @@ measure how well mistakes are named. Programs are built once for each state of t
 build/mutants.
 """
 
+import functools
 import hashlib
 import os
 import re
@@ -109,17 +110,16 @@ def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path
     """The program with this mistake, or with none; built where it is not there yet. Beside it is
     `many-seeds`, which renders many images in one process.
     """
-    base = cache / f"oneray-{_digest(None)}"
+    base = program_path(None, cache).parent.parent
     if not (base / "build/libraries").is_file():
         cache.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="building-", dir=cache) as folder:
             build(None, Path(folder) / "copy")
             shutil.rmtree(base, ignore_errors=True)
             (Path(folder) / "copy").replace(base)
-    if not mutant:
-        return base / "build/oneray"
-    target = cache / f"{mutant.name}-{_digest(mutant)}"
-    if not target.is_dir():
+    found = program_path(mutant, cache)
+    target = found.parent
+    if mutant and not target.is_dir():
         with tempfile.TemporaryDirectory(prefix="building-", dir=cache) as folder:
             oneray = build(mutant, Path(folder) / "copy", base)
             kept = Path(folder) / "kept"
@@ -127,11 +127,21 @@ def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path
             for path in (oneray, oneray.with_name("many-seeds")):
                 path.replace(kept / path.name)
             kept.replace(target)
-    return target / "oneray"
+    return found
 
 
+def program_path(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path:
+    """Where `program` has it, or would."""
+    if not mutant:
+        return cache / f"oneray-{_digest(None)}" / "build/oneray"
+    return cache / f"{mutant.name}-{_digest(mutant)}" / "oneray"
+
+
+@functools.lru_cache(maxsize=256)
 def _digest(mutant: Mutant | None) -> str:
     """Of the sources, the patch and how they are built."""
+    if not (ROOT / "Makefile").is_file():
+        raise NotFound(f"{ROOT}: there are no sources; calibration needs a checkout of them")
     digest = hashlib.sha256("\n".join(settings()).encode())
     for path in (
         ROOT / "Makefile",
@@ -180,10 +190,11 @@ def _make(folder: Path) -> None:
     variables = ["BUILD=build", *settings()]
     command = ["make", "-s", "-B", "-n", *variables, "all"]
     commands = _run(None, command, folder)
-    libraries = _run(None, ["pkg-config", "--libs", "expat", "OpenEXR"], folder)
+    link = next(line for line in commands.splitlines() if "-o build/oneray " in line)
+    libraries = " ".join(word for word in link.split() if word.startswith(("-l", "-L")))
     _run(None, ["make", *variables, "all"], folder)
     (folder / "build/commands").write_text(commands, encoding="utf-8")
-    (folder / "build/libraries").write_text(libraries + " -lm", encoding="utf-8")
+    (folder / "build/libraries").write_text(libraries, encoding="utf-8")
     source = Path(__file__).parent / "calibration/many_seeds.c"
     words = ["cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", "-Isrc/oneray", "-c", str(source)]
     _run(None, [*words, "-o", f"build/{MANY_SEEDS}"], folder)

@@ -174,19 +174,26 @@ def scene_path(name: str) -> Path:
 
 def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
     """SHA-256 of a scene file, of the files that it names, and of the parameters; line ends do not matter."""
-    text = path.read_bytes().replace(b"\r\n", b"\n")
-    digest = hashlib.sha256(text)
-    root = ElementTree.fromstring(text)
+    digest = hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n"))
+    for named in files_of(path, parameters):
+        digest.update(named.read_bytes())
+    digest.update(json.dumps(sorted((parameters or {}).items())).encode())
+    return digest.hexdigest()
+
+
+def files_of(path: Path, parameters: Mapping[str, str] | None = None) -> list[Path]:
+    """The files that a scene file names, in its order."""
+    root = ElementTree.fromstring(path.read_bytes())
     values = {default.attrib["name"]: default.attrib["value"] for default in root.iter("default")}
     values |= parameters or {}
+    found = []
     for element in root.iter("string"):
         if element.attrib.get("name") == "filename":
             name = element.attrib["value"]
             for parameter in sorted(values, key=len, reverse=True):
                 name = name.replace(f"${parameter}", values[parameter])
-            digest.update((path.parent / name).read_bytes())
-    digest.update(json.dumps(sorted((parameters or {}).items())).encode())
-    return digest.hexdigest()
+            found.append(path.parent / name)
+    return found
 
 
 def read_manifest(folder: Path | None = None) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import threading
 import time
@@ -214,7 +215,9 @@ _INSTEAD = "judge your own renderer with --renderer or --images"
 
 
 def oneray_path() -> Path:
-    """oneray: $ONERAY, build/oneray of the checkout, then the PATH; NotFound where there is none."""
+    """oneray: $ONERAY, build/oneray of the checkout, beside Python as from a wheel, then the PATH; NotFound
+    where there is none.
+    """
     named = os.environ.get("ONERAY")
     if named:
         if not Path(named).is_file():
@@ -222,8 +225,10 @@ def oneray_path() -> Path:
         return Path(named)
     suffix = ".exe" if sys.platform == "win32" else ""
     built = Path(__file__).resolve().parents[2] / "build" / f"oneray{suffix}"
-    if built.is_file():
-        return built
+    installed = Path(sysconfig.get_path("scripts")) / f"oneray{suffix}"
+    for place in (built, installed):
+        if place.is_file():
+            return place
     found = shutil.which("oneray")
     if found:
         return Path(found)

@@ -10,11 +10,11 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import curves, pictures, references, renderers, speed, words
+from raycheck import curves, pictures, references, renderers, speed, stability_plots, words
 from raycheck.images import Image
 from raycheck.renderers import NotFound
 from raycheck.seeds import make_seeds
-from raycheck.techniques import BEST, TECHNIQUES, technique
+from raycheck.techniques import BEST, TECHNIQUES, left_out, read_content, technique
 from raycheck.truth import truth_of
 from raycheck.verify import Case, Verification, machine, raycheck_version, verify
 
@@ -41,6 +41,8 @@ class SceneSection:
     about: str
     pictures: list[Picture]
     cases: list[dict]
+    left_out: dict[str, list[str]]
+    """Techniques without a case, by the reason."""
     reference: str
 
 
@@ -49,11 +51,14 @@ def write_report(
     verification: Path | None = None,
     on_case: Callable[[Case, int], None] | None = None,
     benchmark: Path | None = None,
+    stability: Path | None = None,
 ) -> Path:
     """Write `folder`/index.html and return its path; verifies quickly where no result of `verify --json` is
-    given. `benchmark` is a result of scripts/benchmark.py, by default that of the references if there is one.
+    given. `benchmark` is a result of scripts/benchmark.py, `stability` one of `raycheck stability --json`, by
+    default those of the references if there are any.
     """
     measured = speed_section(benchmark)
+    stiff = stability_section(stability)
     verdicts = _verdicts(verification, on_case)
     oneray = renderers.oneray_path()
     cases = verdicts["cases"]
@@ -64,6 +69,7 @@ def write_report(
         sections=sections,
         lecture=_lecture(oneray),
         speed=measured,
+        stability=stiff,
         legend=pictures.data_uri(pictures.legend()),
         range=int(pictures.RANGE),
         verdicts=verdicts,
@@ -125,6 +131,7 @@ def _section(name: str, oneray: Path, cases: list[dict]) -> SceneSection:
             Picture(pictures.data_uri(error), "oneray − reference, in standard errors"),
         ],
         cases=cases,
+        left_out=left_out(read_content(references.scene_path(name))),
         reference=f"{source}; {reference.made_by} rendered {samples:,} samples per pixel "
         f"in {reference.batches} batches",
     )  # fmt: skip
@@ -191,6 +198,14 @@ def speed_section(path: Path | None) -> dict | None:
         "command": found["command"],
         "complete": found["complete"],
     }
+
+
+def stability_section(path: Path | None) -> dict | None:
+    """What stability.html shows; None where nothing was measured and nothing was asked for."""
+    kept = references.references_dir() / "stability.json"
+    if path is None and not kept.is_file():
+        return None
+    return stability_plots.section(path or kept)
 
 
 def _about(scene: Path) -> str:

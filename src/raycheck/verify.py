@@ -413,7 +413,7 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
     found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image)
     if found.outcome is Outcome.FAIL and not mistake:
         guess = diagnosis.likely(trial.task.label, both, truth)
-        sentence += f"; it looks like this mistake: “{guess.mistake}”" if guess else ""
+        sentence += f"; it looks like this mistake: “{guess.mistake.rstrip('.')}”" if guess else ""
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
 
 

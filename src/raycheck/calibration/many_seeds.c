@@ -15,22 +15,25 @@
 int main(int count, char **words)
 {
     Options options = options_read(count, words);
-    Description *scene = description_read(options.scene, options.parameters, options.parameter_count);
+    Description *scene =
+        description_read(options.scene, options.parameters, options.parameter_count, options.size);
     options_check(&options, scene);
     if (!strcmp(options.precision, "auto"))
-        options.precision = precision_for(scene, options.precision_reason, (int)sizeof options.precision_reason);
+        options.precision =
+            precision_for(scene, options.precision_reason, (int)sizeof options.precision_reason);
     const Kernel *kernel = options_kernel(&options);
     void *prepared = kernel->prepare(scene, &options.technique);
-    size_t numbers = 3 * (size_t)scene->sensor.width * (size_t)scene->sensor.height;
+    int width = scene->sensor.width, height = scene->sensor.height;
+    size_t numbers = 3 * (size_t)width * (size_t)height;
     float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
     while (scanf("%" SCNu64 " %" SCNu64, &options.spp, &options.seed) == 2) {
-        Film film = {.width = scene->sensor.width, .height = scene->sensor.height};
-        Counters counters = {0};
-        render(&options, scene, kernel, prepared, &film, &counters);
-        film_estimate(&film, mean, error);
+        Render r = {.options = &options, .scene = scene, .kernel = kernel, .prepared = prepared};
+        r.film.window = (Window){width, height, 0, 0, width, height};
+        render(&r);
+        film_estimate(&r.film, mean, error);
         if (fwrite(mean, sizeof *mean, numbers, stdout) != numbers)
             die("the images cannot be written");
-        film_free(&film);
+        film_free(&r.film);
     }
     free(mean);
     free(error);

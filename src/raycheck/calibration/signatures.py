@@ -128,12 +128,20 @@ def _save(path: Path, **arrays: Array) -> None:
 
 def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
     """Tile means of the broken program and of the correct one; None if the mistake does not show there."""
-    path = means_file(work, pair, mutants.program(pair.mutant))
+    path = means_file(work, pair, mutants.program_path(pair.mutant))
     if not path.is_file():
         return None
     with np.load(path) as arrays:
         broken, right = arrays["broken"], arrays["right"]
     return (broken, right) if len(broken) else None
+
+
+def _shows(difference: Array) -> bool:
+    """Does the mean (of SEEDS, T, 3) differ by more than noise? That of mistakes in the seeds does not."""
+    variance = difference.var(axis=0, ddof=1) / len(difference)
+    varies = variance > 0
+    z = difference.mean(axis=0)[varies] ** 2 / variance[varies]
+    return bool((~varies & (difference.mean(axis=0) != 0)).any() or (varies.any() and z.mean() > 4))
 
 
 def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
@@ -149,6 +157,8 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
             if found is None:
                 continue
             difference = found[0] - found[1]
+            if not _shows(difference):
+                continue
             names.append(mutant.name)
             errors.append(difference.mean(axis=0))
             deviations.append(difference.std(axis=0, ddof=1) / np.sqrt(len(difference)))

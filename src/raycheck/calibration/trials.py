@@ -1,5 +1,6 @@
 """One renderer on one scene, judged by raycheck and, on the same images, by the other rules."""
 
+import functools
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,6 +46,7 @@ class Program:
         return values.reshape(len(requests), entry["height"], entry["width"], 3)
 
 
+@functools.lru_cache(maxsize=32)
 def load_truth(scene: str) -> Truth:
     return truth_of(references.load_reference(scene))
 

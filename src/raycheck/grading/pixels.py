@@ -7,7 +7,6 @@ swell alone.
 
 import multiprocessing
 import os
-import resource
 import shutil
 import stat
 from multiprocessing.connection import Connection
@@ -110,6 +109,8 @@ def _decode_apart(path: Path, size: tuple[int, int]) -> Image | str:
 
 
 def _decode(answer: Connection, path: Path, size: tuple[int, int]) -> None:
+    import resource  # POSIX alone
+
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + DECODE_BYTES,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -10,7 +10,6 @@ beyond. Nothing is read before every process of the jail is dead.
 import contextlib
 import json
 import os
-import resource
 import select
 import shutil
 import signal
@@ -257,7 +256,7 @@ def _kill(process: subprocess.Popen) -> None:
 def _memory(root: int) -> int:
     """Bytes resident of a process and all below it."""
     total, waiting = 0, [root]
-    page = resource.getpagesize()
+    page = os.sysconf("SC_PAGE_SIZE")
     while waiting:
         pid = waiting.pop()
         with contextlib.suppress(OSError, ValueError, IndexError):

@@ -1,0 +1,22 @@
+/* Scene files: read, and asked for their precision. */
+#include "description.h"
+#include "precision.h"
+
+static void read_scene(const uint8_t *bytes, size_t size)
+{
+    char reason[128];
+    (void)bytes, (void)size; /* as the file scene.xml */
+    Parameter parameters[] = {{"depth", "3", false}};
+    const uint64_t image[2] = {size % 3 * 7, 0};
+    Description *description = description_read("scene.xml", parameters, size % 4 == 0, image);
+    precision_for(description, reason, (int)sizeof reason);
+    description_free(description);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
+{
+    if (size)
+        fuzz_run(read_scene, bytes, size);
+    return 0;
+}
