@@ -54,7 +54,7 @@ def grade(
     """
     with plain_errors():
         if sys.platform != "linux":
-            raise NotFound("grading needs Linux (on Windows: WSL); raycheck verify --renderer runs everywhere")
+            raise NotFound("grading needs Linux (or WSL); raycheck verify --renderer runs everywhere")
         if (submission is None) == (class_folder is None):
             raise NotFound("grade needs either a SUBMISSION or --class DIR")
         asked = read_assignment(assignment)

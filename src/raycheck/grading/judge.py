@@ -30,11 +30,15 @@ from raycheck.seeds import make_seeds
 from raycheck.tiles import region_means
 from raycheck.truth import truth_of
 from raycheck.verdict import Limits, Outcome
-from raycheck.verify import Case, raycheck_version, verify
+from raycheck.verify import BATCHES, PILOT_IMAGES, Case, raycheck_version, verify
 
 Array = NDArray[np.float64]
 TILES = Limits.tile / Limits.image
 UNREADABLE = "the run command takes neither {scene} nor {json}: it cannot render scenes unknown to it"
+OPTION = "; --timeout SECONDS allows more"
+"""What verify advises, and no student can do."""
+LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
+"""Pictures of a look."""
 FEW_IMAGES = 8
 MORE = 4
 """Times the samples of a look that noise makes necessary."""
@@ -139,7 +143,8 @@ class Grader:
             ).cases[0]  # fmt: skip
 
         cases, spp = [look(0, task.spp)], task.spp
-        if cases[-1].verdict is Outcome.INCONCLUSIVE and cases[-1].more_samples and program.takes_spp:
+        open_ = cases[-1].verdict is Outcome.INCONCLUSIVE and cases[-1].more_samples and program.takes_spp
+        if open_ and program.has_time(spp, MORE * spp, LOOK):
             spp = MORE * task.spp
             cases.append(look(1, spp))
         if cases[-1].verdict is Outcome.FAIL and cases[-1].bias is not None:
@@ -149,7 +154,7 @@ class Grader:
             stuck = self._stuck_noise(task.spp, of, hidden, program, purpose)
             last = replace(last, verdict=Outcome.FAIL, reason=stuck) if stuck else last
         found = SceneResult(
-            name, hidden, last.verdict, last.reason,
+            name, hidden, last.verdict, last.reason.removesuffix(OPTION),
             *map(_finite, (last.bias, last.bias_low, last.bias_high, last.mde_image, last.more_samples)),
             last.spp, len(cases), seconds=round(time.perf_counter() - started, 1),
         )  # fmt: skip
@@ -166,6 +171,8 @@ class Grader:
         """What is wrong where {spp} changes nothing: four times the samples have a quarter of the noise."""
         many = MORE * spp
         if len(program.pictures.get(many, ())) < FEW_IMAGES:
+            if not program.has_time(spp, many, FEW_IMAGES):
+                return None
             key = f"{purpose}/{self.keys.number(purpose, hidden)}/samples"
             for seed in make_seeds(key, FEW_IMAGES):
                 program.render(of.path, many, seed, self.assignment.limits.picture_seconds)

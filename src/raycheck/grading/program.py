@@ -59,6 +59,8 @@ class Program:
     pictures: dict[int, list[Array]] = field(default_factory=dict)
     """Those taken, by samples per pixel."""
     spent: float = 0.0
+    slowest: dict[int, float] = field(default_factory=dict)
+    """Seconds of the slowest picture, by samples per pixel."""
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
@@ -85,6 +87,12 @@ class Program:
     @property
     def takes_seed(self) -> bool:
         return self._takes("{seed}")
+
+    def has_time(self, spp: int, more: int, pictures: int) -> bool:
+        """Will so many pictures of `more` samples certainly keep the limits, by those of `spp` samples?"""
+        each = self.slowest.get(spp, 0.0) * more / spp
+        limits = self.jail.limits
+        return each < limits.picture_seconds / 2 and self.spent + each * pictures < limits.task_seconds
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         """`scene` is of no interest: the program gets its own copy."""
@@ -116,6 +124,7 @@ class Program:
             seconds = time.perf_counter() - started
         with self.lock:
             self.spent += seconds
+            self.slowest[spp] = max(self.slowest.get(spp, 0.0), seconds)
             self.pictures.setdefault(spp, []).append(image.pixels)
         return Rendering(image, done.seconds)
 
