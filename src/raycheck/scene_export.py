@@ -88,11 +88,11 @@ def _numbers(values: Array) -> list:
 
 
 def _camera(camera: Camera) -> dict[str, Any]:
-    """Origin, and directions to the image's corners, all on one plane: those between are interpolated."""
+    """Origin, and directions to the image's corners, which lie on one plane as they are equally long: those
+    between are interpolated.
+    """
     x, y = np.array([0, camera.width, 0, camera.width]), np.array([0, 0, camera.height, camera.height])
     ways = camera.directions(x.astype(float), y.astype(float))
-    forward = camera.to_world[:3, 2] / np.linalg.norm(camera.to_world[:3, 2])
-    ways = ways / (ways @ forward)[:, None]
     names = ("top_left", "top_right", "bottom_left", "bottom_right")
     return {
         "width": camera.width,
