@@ -39,7 +39,7 @@ BLOCK = """    <shape type="cube">
         <transform name="to_world">
             <scale x="0.3" y="0.3" z="0.3"/>
             <rotate z="1" angle="25"/>
-            <translate x="-0.75" y="-0.55" z="0.301"/>
+            <translate x="-0.95" y="-0.7" z="0.29"/>
         </transform>
         <ref id="floor"/>
     </shape>

@@ -137,8 +137,8 @@ static void column(const Shape *shape, int j, double out[3])
         out[i] = shape->to_world.m[i][j];
 }
 
-/* A triangle's least height: twice its area over its longest side. */
-static double triangle_height(const Mesh *mesh, int triangle)
+/* Twice a triangle's area, and its longest side: its least height is one over the other. */
+static double triangle_area(const Mesh *mesh, int triangle, double *longest)
 {
     const int32_t *corner = mesh->triangle[triangle];
     double a[3], b[3], c[3], across[3];
@@ -149,10 +149,23 @@ static double triangle_height(const Mesh *mesh, int triangle)
     }
     for (int i = 0; i < 3; i++)
         across[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-    return length(across) / fmax(length(a), fmax(length(b), length(c)));
+    *longest = fmax(length(a), fmax(length(b), length(c)));
+    return length(across);
 }
 
-/* Sizes: half the sides of a shape; of a mesh those of its box, where it is not flat, and its triangles' heights. */
+/* How slim a mesh's triangles are: the mean of one over their height, by area, as errors are. A few slivers among
+   many others, as at the poles of a ball, are a small share of any pixel. */
+static double mean_height(const Description *d, const Shape *shape)
+{
+    double area = 0, sides = 0, longest;
+    for (int k = 0; k < shape->triangle_count; k++) {
+        area += triangle_area(&d->mesh, shape->first_triangle + k, &longest);
+        sides += longest;
+    }
+    return sides > 0 ? area / sides : HUGE_VAL;
+}
+
+/* Sizes: half the sides of a shape; of a mesh those of its box, where it is not flat, and how slim its triangles are. */
 static bool odd_size(const Description *d, const Shape *shape, double reach, Reason reason)
 {
     double side[3], low[3], high[3], smallest = HUGE_VAL;
@@ -164,11 +177,9 @@ static bool odd_size(const Description *d, const Shape *shape, double reach, Rea
     }
     if (smallest < SMALLEST_SIZE * reach)
         return because(reason, "line %d: a shape of %.1g in a scene of %.1g", shape->line, smallest, reach);
-    for (int k = 0; k < shape->triangle_count; k++) {
-        double height = triangle_height(&d->mesh, shape->first_triangle + k);
-        if (height < SMALLEST_GAP * reach)
-            return because(reason, "line %d: a triangle %.1g slim in a scene of %.1g", shape->line, height, reach);
-    }
+    double height = mean_height(d, shape);
+    if (height < SMALLEST_GAP * reach)
+        return because(reason, "line %d: triangles %.1g slim in a scene of %.1g", shape->line, height, reach);
     return false;
 }
 
@@ -218,6 +229,17 @@ static double height_over(const Plane *plane, const double p[3])
     return height;
 }
 
+/* How far the point is beyond one of the three pairs of a cube's planes: no further than from the cube. */
+static double height_over_cube(const Body *cube, const double p[3])
+{
+    double most = 0;
+    for (int k = 0; k < 6; k += 2) {
+        double one = height_over(&cube->planes[k], p), other = height_over(&cube->planes[k + 1], p);
+        most = one * other > 0 ? fmax(most, fmin(fabs(one), fabs(other))) : most;
+    }
+    return most;
+}
+
 /* Do two planes nearly coincide? What does coincide is no gap. */
 static bool nearly_coincide(const Plane *a, const Plane *b, double limit)
 {
@@ -239,11 +261,13 @@ static bool narrow(const Body *a, const Body *b, double limit)
         const Body *ball = side ? b : a, *other = side ? a : b;
         if (ball->shape->kind != SHAPE_SPHERE || ball->shape->light < 0)
             continue;
-        if (other->plane_count != 1)
+        if (!other->plane_count)
             return true;
         column(ball->shape, 3, center);
         double radius = fabs(ball->shape->to_world.m[0][0]);
-        if (fabs(fabs(height_over(other->planes, center)) - radius) < 8 * limit)
+        double apart = other->plane_count == 6 ? height_over_cube(other, center) - radius
+                                               : fabs(fabs(height_over(other->planes, center)) - radius);
+        if (apart < 8 * limit)
             return true;
     }
     for (int i = 0; i < a->plane_count; i++)
