@@ -21,7 +21,7 @@ from raycheck.grading import attacks, hidden, sandbox, tables
 from raycheck.grading.assignment import Limits, read_assignment
 from raycheck.grading.gradescope import results_json
 from raycheck.grading.keys import Keys, read_keys
-from raycheck.grading.pages import student_page
+from raycheck.grading.pages import clusters, student_page
 from raycheck.grading.pixels import take_picture
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.sandbox import Jail, Tier
@@ -173,6 +173,19 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
         assert "Connection refused" in problem(f"bash -c 'exec 3<>{address}'")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")
+def test_without_a_jail_the_same_commands_find_the_same_folders(tmp_path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "task").mkdir()
+    written(tmp_path / "task/scene.json", "a scene")
+    script = written(tmp_path / "outside.sh", 'cp "$1" "$2"')
+    done = Jail(Tier.NONE, Limits()).run(
+        ["sh", "./outside.sh", "/task/scene.json", "/out/image.exr"], seconds=5, folder=script.parent,
+        writable=False, readable={tmp_path / "task": "/task"}, output=tmp_path / "out",
+    )  # fmt: skip
+    assert not done.problem and (tmp_path / "out/image.exr").read_text(encoding="utf-8") == "a scene"
+
+
 def test_a_hidden_variant_is_another_picture_and_not_to_be_guessed() -> None:
     of = references.variant("area-light")
     one, other = (hidden.vary(of, "area-light/0/0", Keys("a", secret)) for secret in (b"1", b"2"))
@@ -294,3 +307,15 @@ def test_attacks_get_no_points_and_disturb_nobody(tmp_path) -> None:
     assert len(some) == len(chosen)
     for one in attacks.survive(some, tmp_path, Tier.BUBBLEWRAP, lambda _: None):
         assert not one.problem, f"{one.name}: {one.problem}"
+
+
+def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:
+    reasons = (
+        "the image as a whole is 33 % ± 0.3 % too bright; x",
+        "the image as a whole is 4.1 % ± 2 % too bright",
+    )
+    results = [a_result(Outcome.FAIL, reason) for reason in reasons]
+    results[1].student = "Bob"
+    [cluster] = clusters(results)
+    assert cluster.what == "L1: the image as a whole is … too bright"
+    assert cluster.students == ["<b>Eve</b>", "Bob"]

@@ -79,12 +79,12 @@ def clusters(results: Sequence[StudentResult]) -> list[Cluster]:
 
 
 def _kind(reason: str) -> str:
-    """A reason without its figures: two that differ in them alone are one kind."""
+    """A reason without its figures and details: two that differ in them alone are one kind."""
     named = re.search(r"it looks like this mistake: “(.+?)”", reason)
     if named:
         return named.group(1)
-    general = re.split(r"; it said: | \(seed \d+\)", reason)[0]
-    return re.sub(r"\d[\d.,…±−–%×^ ]*\d|\d", "#", general)[:160]
+    general = re.split(r"; | \(seed \d+\)", reason)[0]
+    return re.sub(r"\d[\d.,…±−–%×^ ]*[\d%]|\d", "…", general)[:160]
 
 
 def borderline(results: Sequence[StudentResult]):

@@ -10,6 +10,7 @@ beyond. Nothing is read before every process of the jail is dead.
 import contextlib
 import json
 import os
+import re
 import select
 import shutil
 import signal
@@ -117,9 +118,9 @@ class Jail:
 
 
 def _outside(word: str, places: Mapping[str, str]) -> str:
-    for inside, outside in sorted(places.items(), key=lambda pair: -len(pair[0])):
-        word = word.replace(inside, outside)
-    return word
+    """A word of a command with the jail's folders as they are outside."""
+    names = "|".join(map(re.escape, places))
+    return re.sub(rf"(?<![\w.])({names})(?=/|$)", lambda found: places[found[0]], word)
 
 
 def _give(place: Path, user: int) -> None:
