@@ -83,7 +83,7 @@ def _kind(reason: str) -> str:
     named = re.search(r"it looks like this mistake: “(.+?)”", reason)
     if named:
         return named.group(1)
-    general = re.split(r"; | \(seed \d+\)", reason)[0]
+    general = re.sub(r" \(seed \d+\)", "", reason).split("; ")[0]
     return re.sub(r"\d[\d.,…±−–%×^ ]*[\d%]|\d", "…", general)[:160]
 
 
