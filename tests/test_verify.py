@@ -390,7 +390,7 @@ else:
 mean = references.load_reference("point-light").best()[0]
 
 def render(scene, spp, seed):
-    return mean * np.random.default_rng(seed).gamma(99, 1 / 99, (64, 64, 1))
+    return mean * np.random.default_rng(seed).gamma(25 * spp, 1 / (25 * spp), (64, 64, 1))
 
 assert raycheck.verify(render, ["point-light"], spp=4).exit_status == 0
 """

@@ -16,7 +16,7 @@
 #include <stdlib.h>
 
 #define SMALLEST_SIZE (1.0 / 1024) /* of M: half the side of a shape, the radius of a sphere */
-#define SMALLEST_GAP (1.0 / 8192)  /* of M: between shapes, a light and a plane, the corners of a triangle */
+#define SMALLEST_GAP (1.0 / 8192)  /* of M: between shapes, a light and a plane; how slim a mesh may be in the mean */
 #define DIMMEST 1e-12
 #define BRIGHTEST 1e12
 #define RANGE 1e6                  /* of the brightest light over the dimmest */

@@ -8,6 +8,7 @@ other error ends the whole run.
 import os
 import signal
 import subprocess
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
@@ -71,9 +72,13 @@ class Here:
             try:
                 yield from self._run(threads, running, work, pieces)
             except BaseException:  # also Ctrl-C: the threads' processes end, those that start just now too
-                while wait(running, timeout=0.05).not_done:
+                threads.shutdown(wait=False, cancel_futures=True)
+                ending = threading.Thread(target=threads.shutdown)
+                ending.start()
+                while ending.is_alive():
                     for process in list(_running):
                         process.kill()
+                    ending.join(0.05)
                 raise
 
     def _run(
