@@ -1,5 +1,5 @@
 """The command line: raycheck verify, compare, report, techniques, stability, reference, render, diagnose,
-scene, grade, selftest.
+scene, grade, handout, variants, calibrate, selftest.
 """
 
 import functools
@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from raycheck import (
+    assignment_cli,
     calibrate_cli,
     diagnose_cli,
     grade_cli,
@@ -69,6 +70,8 @@ app.add_typer(calibrate_cli.app, name="calibrate")
 app.command()(diagnose_cli.diagnose)
 app.command()(scene_cli.scene)
 app.command()(grade_cli.grade)
+app.command()(assignment_cli.handout)
+app.command()(assignment_cli.variants)
 app.command()(selftest_cli.selftest)
 
 

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from raycheck.check_cli import check_assignment
 from raycheck.cli_support import make_console, plain_errors
 from raycheck.grading import course, sandbox, tables
 from raycheck.grading.assignment import Assignment, read_assignment
@@ -18,14 +19,18 @@ from raycheck.grading.results import StudentResult
 from raycheck.renderers import NotFound
 from raycheck.verdict import Outcome
 
+STUDENT_SPEED = 1e6
+"""Paths a second of the example submission tests/submissions/honest on one core of a common machine."""
+PLATFORM_SECONDS = 600.0
+"""Gradescope's, by default."""
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
 
 
 def grade(
-    assignment: Annotated[Path, typer.Option(metavar="FILE.toml", help="What is asked.")],
     submission: Annotated[
         Path | None, typer.Argument(metavar="[SUBMISSION]", help="A folder or an archive (zip, tar).")
     ] = None,
+    assignment: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="What is asked.")] = None,
     class_folder: Annotated[
         Path | None,
         typer.Option(
@@ -48,6 +53,22 @@ def grade(
     no_sandbox: Annotated[
         bool, typer.Option("--no-sandbox", help="Run submissions with your own rights: only what you trust.")
     ] = False,
+    check: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="Instead: try an assignment out, with oneray as the student."),
+    ] = None,
+    paths_per_second: Annotated[
+        float, typer.Option(min=1, help="With --check: of that student's program.")
+    ] = STUDENT_SPEED,
+    limit: Annotated[
+        float, typer.Option(min=1, help="With --check: seconds that the platform allows.")
+    ] = PLATFORM_SECONDS,
+    mistakes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--mutants", metavar="NAME", help="With --check: few, all, none, or a name of tests/mutants."
+        ),
+    ] = None,
 ) -> None:
     """Grade one SUBMISSION, or with --class all of a class. Exit status 0 when everything is graded, 3 if
     points are left open for a manual review, 2 if nothing could be graded.
@@ -55,6 +76,10 @@ def grade(
     with plain_errors():
         if sys.platform != "linux":
             raise NotFound("grading needs Linux (or WSL); raycheck verify --renderer runs everywhere")
+        if check is not None:
+            check_assignment(check, paths_per_second, limit, mistakes or ())
+        if assignment is None:
+            raise NotFound("grade needs --assignment FILE.toml, or --check FILE.toml")
         if (submission is None) == (class_folder is None):
             raise NotFound("grade needs either a SUBMISSION or --class DIR")
         asked = read_assignment(assignment)

@@ -12,6 +12,7 @@ from raycheck.renderers import NotFound
 from raycheck.techniques import TECHNIQUES, technique
 
 REVIEW = "review"
+PROGRAM, PICTURES = "program", "pictures"
 
 
 @dataclass(frozen=True)
@@ -33,11 +34,17 @@ class Task:
     hidden: int = 0
     """How many variants of each scene, with a turned camera and other light, no student sees."""
     technique: str = ""
-    """oneray's technique that the noise is compared with."""
+    """oneray's technique that is asked for: the noise is compared with it, and the handout renders by it."""
     noise_points: float = 0.0
     """For noise no worse than that technique's."""
     noise_limit: float = 2.0
     """Variance of a sample, over oneray's, up to which the noise points are earned."""
+    functions: tuple[str, ...] = ()
+    """Of oneray: those that the task needs and that the handout leaves to the student."""
+    accepts: str = PROGRAM
+    """PROGRAM, or PICTURES: then a student may hand in pictures of a variant of the scene instead."""
+    variants: int = 4
+    """How many there are of that scene; a student's is decided by the secret."""
 
     @property
     def heading(self) -> str:
@@ -81,6 +88,10 @@ class Assignment:
     def most(self) -> float:
         return sum(task.most for task in self.tasks)
 
+    def path_of(self, scene: str) -> Path:
+        """The file of a task's scene."""
+        return self.scene(scene).path
+
     def scene(self, name: str) -> Variant:
         """The scene of a task; ReferenceError_ if there is none."""
         beside = self.path.parent / name
@@ -114,6 +125,10 @@ def _task(table: Mapping[str, Any], where: str) -> Task:
     task = _table(Task, table, where)
     if not task.scenes or task.points < 0 or task.spp < 1 or task.hidden < 0:
         raise NotFound(f"{where}: it needs scenes, points ≥ 0, spp ≥ 1 and hidden ≥ 0")
+    if task.accepts not in (PROGRAM, PICTURES) or task.variants < 1:
+        raise NotFound(f'{where}: accepts is "{PROGRAM}" or "{PICTURES}", variants ≥ 1')
+    if task.accepts == PICTURES and len(task.scenes) != 1:
+        raise NotFound(f"{where}: a task that accepts pictures has one scene")
     if task.noise_points and not task.technique:
         raise NotFound(f"{where}: noise_points need the technique of oneray to compare with")
     return task

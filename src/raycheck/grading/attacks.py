@@ -80,7 +80,7 @@ def survive(
     assignment.write_text(ASSIGNMENT, encoding="utf-8")
     honest = Attack("honest", "", ("floor.c",), HONEST_BUILD, HONEST_RUN)
     for one in (*attacks, Attack("0-before", "", *_rest(honest)), Attack("~after", "", *_rest(honest))):
-        _hand_in(one, work / "class" / one.name)
+        hand_in(one, work / "class" / one.name)
     archives = hostile_archives(work / "class")
     before = _outside(work)
     grader = Grader.prepare(read_assignment(assignment), tier)
@@ -96,8 +96,9 @@ def _rest(attack: Attack) -> tuple[Sequence[str], str, str]:
     return attack.files, attack.build, attack.run
 
 
-def _hand_in(attack: Attack, folder: Path) -> None:
-    folder.mkdir()
+def hand_in(attack: Attack, folder: Path) -> None:
+    """An attack as a submission, in a new folder."""
+    folder.mkdir(parents=True)
     for name in (*attack.files, "attack.sh"):
         (folder / name).write_bytes((FOLDER / name).read_bytes())
     run = attack.run or f"sh attack.sh {attack.name} {{output}}"

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from raycheck.grading.pages import number, sentence
-from raycheck.grading.results import SceneResult, StudentResult, TaskResult
+from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult
 from raycheck.verdict import Outcome
 
 
@@ -45,7 +45,7 @@ def _test(task: TaskResult, index: int) -> dict[str, Any]:
         "output": "\n".join(lines),
         "output_format": "text",
         "visibility": "visible",
-        "tags": [tag for tag in (task.lecture, task.verdict.value) if tag],
+        "tags": [t for t in (task.lecture, task.verdict.value, "" if task.executed else NOT_EXECUTED) if t],
         "extra_data": {"verdict": task.verdict.value, "pending": task.pending},
     }
     if task.pending:

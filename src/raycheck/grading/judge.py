@@ -16,13 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import checks, lecture, pictures, references
-from raycheck.grading import noise
-from raycheck.grading.assignment import REVIEW, Assignment, Task
-from raycheck.grading.hidden import hidden_variants
+from raycheck.grading import handed_in, noise
+from raycheck.grading.assignment import PICTURES, REVIEW, Assignment, Task
+from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
 from raycheck.grading.program import Program, build, write_scene
-from raycheck.grading.results import SceneResult, StudentResult, TaskResult, failed_everything
+from raycheck.grading.results import (
+    NOT_EXECUTED,
+    SceneResult,
+    StudentResult,
+    TaskResult,
+    failed_everything,
+)
 from raycheck.grading.sandbox import Jail, Tier
+from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.references import Variant
 from raycheck.renderers import NotFound, RenderError
@@ -39,6 +46,8 @@ OPTION = "; --timeout SECONDS allows more"
 """What verify advises, and no student can do."""
 LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
 """Pictures of a look."""
+OTHER = "the pictures show another student's variant of the scene, not yours"
+PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
 FEW_IMAGES = 8
 MORE = 4
 """Times the samples of a look that noise makes necessary."""
@@ -88,18 +97,47 @@ class Grader:
         unpacked.mkdir(mode=0o755)
         submission = open_submission(path, unpacked)
         digest = digest_of(unpacked)
-        command = submission.run or self.assignment.run
-        if not command:
+        command = "" if submission.pictures_alone else submission.run or self.assignment.run
+        if not command and not submission.pictures_alone:
             raise SubmissionError('there is no run command: write run = "…" into raycheck.toml')
-        problem = build(jail, submission.folder, submission.build or self.assignment.build)
+        to_build = submission.build or self.assignment.build
+        problem = build(jail, submission.folder, to_build) if command else ""
         if problem:
             result = failed_everything(self.assignment, student, problem, jail.describe())
         else:
             tasks = [
-                self._task(task, submission, command, digest, jail, place) for task in self.assignment.tasks
+                self._pictures(task, submission, student)
+                if task.accepts == PICTURES and submission.pictures(task.id)
+                else self._task(task, submission, command, digest, jail, place)
+                for task in self.assignment.tasks
             ]
             result = StudentResult(student, self.assignment.name, tasks, jail.describe())
         result.digest, result.state = digest, self.state(digest)
+        return result
+
+    def _pictures(self, task: Task, submission: Submission, student: str) -> TaskResult:
+        """Points for pictures that were handed in."""
+        started = time.perf_counter()
+        of, files = self.assignment.scene(task.scenes[0]), submission.pictures(task.id)
+        pool = picture_pool(self.assignment, self.keys, task)
+        own = pool[pool_index(of, student, task.variants, self.keys)]
+        others = [(one, OTHER) for one in pool if one != own] + [(of, PUBLISHED)]
+        entry = references.require(of)
+        limits = Limits(image=self.assignment.delta, tile=TILES * self.assignment.delta)
+        most, size = self.assignment.limits.output_mb << 20, (entry["height"], entry["width"])
+        name = f"{of.label} (variant of {student})"
+        try:
+            case, images = handed_in.judge(files, own, others, limits, most, size)
+            scene = _scene_result(name, False, case, 1)
+            scene.pictures = _pictures(images, own, secret=True)
+        except RenderError as error:
+            scene = SceneResult(name, False, Outcome.FAIL, str(error))
+        scene.seconds = round(time.perf_counter() - started, 1)
+        result = self._points(task, [scene])
+        result.executed = False
+        many = f"{len(files)} picture{'s' if len(files) > 1 else ''} handed in"
+        noisy = ", which earn no points for noise" if task.noise_points else ""
+        result.comment = f"{NOT_EXECUTED}: judged by {many}{noisy}"
         return result
 
     def state(self, digest: str) -> str:
@@ -110,6 +148,10 @@ class Grader:
     def _task(
         self, task: Task, submission: Submission, command: str, digest: str, jail: Jail, place: Path
     ) -> TaskResult:
+        if not command:
+            what = f"pictures/{task.id}, which is empty" if task.accepts == PICTURES else "a program"
+            nothing = SceneResult(task.scenes[0], False, Outcome.FAIL, f"this task asks for {what}")
+            return self._points(task, [nothing])
         scenes = []
         for number, (of, name, hidden) in enumerate(self.scenes[task.id]):
             work = place / f"{task.id}-{number}".replace("/", "_")
@@ -118,19 +160,22 @@ class Grader:
             purpose = f"{task.id}/{of.label}/{digest if hidden else ''}"
             try:
                 program = Program(
-                    jail, submission.folder, command, work / "scene", name, size, work / "scratch"
+                    jail, submission.folder, command, work / "scene", name, size, task.id, work / "scratch"
                 )
                 if hidden and not program.reads_scene:
                     scenes.append(SceneResult(name, True, Outcome.FAIL, UNREADABLE))
-                else:
-                    scenes.append(self._scene(task, of, name, hidden, program, purpose))
+                    continue
+                scenes.append(self.judge(task, of, name, hidden, program, purpose))
+                made = max(program.pictures.values(), key=len, default=[])
+                scenes[-1].pictures = _pictures(made, of, secret=hidden)
             except (RenderError, NotFound) as error:
                 scenes.append(SceneResult(name, hidden, Outcome.FAIL, str(error)))
         return self._points(task, scenes)
 
-    def _scene(
-        self, task: Task, of: Variant, name: str, hidden: bool, program: Program, purpose: str
+    def judge(
+        self, task: Task, of: Variant, name: str, hidden: bool, program: Program | Simulated, purpose: str
     ) -> SceneResult:
+        """One scene of a task, by as many looks as it takes; `purpose` decides the seeds."""
         limits = Limits(image=self.assignment.delta, tile=TILES * self.assignment.delta)
         started = time.perf_counter()
 
@@ -153,18 +198,14 @@ class Grader:
         if last.verdict is not Outcome.FAIL and program.takes_spp:
             stuck = self._stuck_noise(task.spp, of, hidden, program, purpose)
             last = replace(last, verdict=Outcome.FAIL, reason=stuck) if stuck else last
-        found = SceneResult(
-            name, hidden, last.verdict, last.reason.removesuffix(OPTION),
-            *map(_finite, (last.bias, last.bias_low, last.bias_high, last.mde_image, last.more_samples)),
-            last.spp, len(cases), seconds=round(time.perf_counter() - started, 1),
-        )  # fmt: skip
+        found = _scene_result(name, hidden, last, len(cases))
+        found.seconds = round(time.perf_counter() - started, 1)
         found.borderline = last.verdict is not Outcome.FAIL and any(c.verdict is Outcome.FAIL for c in cases)
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
-        if task.technique and last.verdict is not Outcome.FAIL and program.takes_spp:
+        if task.noise_points and last.verdict is not Outcome.FAIL and program.takes_spp:
             compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique)
             found.noise = asdict(compared) if compared else None
-        found.pictures = _pictures(program, of, hidden)
         return found
 
     def _stuck_noise(self, spp: int, of: Variant, hidden: bool, program: Program, purpose: str) -> str | None:
@@ -203,6 +244,18 @@ class Grader:
         )  # fmt: skip
 
 
+def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant]:
+    """The variants of which each student gets one to hand in pictures of."""
+    folder, of = private_folder(assignment.path) / "pool", assignment.scene(task.scenes[0])
+    return [pool_variant(of, index, keys, folder) for index in range(task.variants)]
+
+
+def _scene_result(name: str, hidden: bool, case: Case, looks: int) -> SceneResult:
+    figures = (case.bias, case.bias_low, case.bias_high, case.mde_image, case.more_samples)
+    reason = case.reason.removesuffix(OPTION)
+    return SceneResult(name, hidden, case.verdict, reason, *map(_finite, figures), case.spp, looks)
+
+
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
@@ -217,9 +270,8 @@ def _noise_comment(task: Task, scenes: list[SceneResult], noisy: bool) -> str:
     return f"{'too noisy: ' if noisy else ''}a sample has {figures}; {limit}"
 
 
-def _pictures(program: Program, of: Variant, hidden: bool) -> list[dict[str, str]]:
+def _pictures(made: list[Array], of: Variant, secret: bool) -> list[dict[str, str]]:
     """The mean of what was rendered, the reference where it is no secret, and where they differ."""
-    made = max(program.pictures.values(), key=len, default=[])
     if not made:
         return []
     truth = truth_of(references.load_reference(of))
@@ -227,7 +279,7 @@ def _pictures(program: Program, of: Variant, hidden: bool) -> list[dict[str, str
     mean = images.mean(axis=0)
     factor = pictures.exposure(truth.mean)
     shown = [(mean, f"your mean of {len(made)} pictures")]
-    if not hidden:
+    if not secret:
         shown.append((truth.mean, "what it should be"))
     own = images.var(axis=0, ddof=1) / len(images) if len(images) > 1 else truth.sample_variance
     result = [{"uri": pictures.data_uri(pictures.display(p, factor)), "caption": c} for p, c in shown]

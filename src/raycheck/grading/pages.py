@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from raycheck import words
 from raycheck.grading.assignment import Assignment
-from raycheck.grading.results import StudentResult
+from raycheck.grading.results import NOT_EXECUTED, StudentResult
 from raycheck.verdict import Outcome
 from raycheck.verify import raycheck_version
 
@@ -35,7 +35,8 @@ def _environment() -> jinja2.Environment:
     )  # fmt: skip
     environment.globals.update(
         number=number, sentence=sentence, percent=words.percent, duration=words.duration,
-        version=raycheck_version(), css=Markup((TEMPLATES / "grading.css").read_text(encoding="utf-8")),
+        version=raycheck_version(), not_executed=NOT_EXECUTED,
+        css=Markup((TEMPLATES / "grading.css").read_text(encoding="utf-8")),
     )  # fmt: skip
     return environment
 

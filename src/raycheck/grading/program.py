@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import scene_export
+from raycheck.grading.assignment import Limits
 from raycheck.grading.pixels import take_picture
 from raycheck.grading.sandbox import Jail
 from raycheck.references import Variant
@@ -43,7 +44,43 @@ def write_scene(of: Variant, name: str, folder: Path) -> tuple[int, int]:
 
 
 @dataclass
-class Program:
+class Taken:
+    """The pictures of a program that were taken, and the time that they took."""
+
+    pictures: dict[int, list[Array]] = field(default_factory=dict, kw_only=True)
+    """By samples per pixel."""
+    spent: float = field(default=0.0, kw_only=True)
+    slowest: dict[int, float] = field(default_factory=dict, kw_only=True)
+    """Seconds of the slowest picture, by samples per pixel."""
+    lock: threading.Lock = field(default_factory=threading.Lock, kw_only=True)
+
+    @property
+    def limits(self) -> Limits:
+        """The assignment's."""
+        raise NotImplementedError
+
+    def has_time(self, spp: int, more: int, pictures: int) -> bool:
+        """Will so many pictures of `more` samples certainly keep the limits, by those of `spp` samples?"""
+        each = self.slowest.get(spp, 0.0) * more / spp
+        limits = self.limits
+        return each < limits.picture_seconds / 2 and self.spent + each * pictures < limits.task_seconds
+
+    def check_time(self) -> None:
+        """RenderTimeout where the task's time is over."""
+        limit = self.limits.task_seconds
+        if self.spent > limit:
+            done = sum(map(len, self.pictures.values()))
+            raise RenderTimeout(f"the {limit:.0f} s of the task were over after {done} pictures")
+
+    def take(self, spp: int, seconds: float, pixels: Array) -> None:
+        with self.lock:
+            self.spent += seconds
+            self.slowest[spp] = max(self.slowest.get(spp, 0.0), seconds)
+            self.pictures.setdefault(spp, []).append(pixels)
+
+
+@dataclass
+class Program(Taken):
     """The run command on one scene; a renderer as raycheck.verify takes it."""
 
     jail: Jail
@@ -55,13 +92,8 @@ class Program:
     name: str
     size: tuple[int, int]
     """Height and width of the picture."""
+    task: str
     scratch: Path
-    pictures: dict[int, list[Array]] = field(default_factory=dict)
-    """Those taken, by samples per pixel."""
-    spent: float = 0.0
-    slowest: dict[int, float] = field(default_factory=dict)
-    """Seconds of the slowest picture, by samples per pixel."""
-    lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
         self.words = split_command(self.command)
@@ -88,24 +120,18 @@ class Program:
     def takes_seed(self) -> bool:
         return self._takes("{seed}")
 
-    def has_time(self, spp: int, more: int, pictures: int) -> bool:
-        """Will so many pictures of `more` samples certainly keep the limits, by those of `spp` samples?"""
-        each = self.slowest.get(spp, 0.0) * more / spp
-        limits = self.jail.limits
-        return each < limits.picture_seconds / 2 and self.spent + each * pictures < limits.task_seconds
+    @property
+    def limits(self) -> Limits:
+        return self.jail.limits
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         """`scene` is of no interest: the program gets its own copy."""
         del scene
-        limits = self.jail.limits
-        if self.spent > limits.task_seconds:
-            done = sum(map(len, self.pictures.values()))
-            raise RenderTimeout(
-                f"the {limits.task_seconds:.0f} s of the task were over after {done} pictures"
-            )
+        self.check_time()
+        limits = self.limits
         values = {
             "{output}": "/out/image.exr", "{scene}": "/task/scene.xml", "{json}": "/task/scene.json",
-            "{name}": self.name, "{spp}": str(spp), "{seed}": str(seed),
+            "{name}": self.name, "{task}": self.task, "{spp}": str(spp), "{seed}": str(seed),
         }  # fmt: skip
         words = [_fill(word, values) for word in self.words]
         with tempfile.TemporaryDirectory(dir=self.scratch, ignore_cleanup_errors=True) as place:
@@ -122,10 +148,7 @@ class Program:
                 raise RenderError(f"no picture (seed {seed}): {done.problem}")
             image = take_picture(output, private, limits.output_mb << 20, self.size, _said(done.said))
             seconds = time.perf_counter() - started
-        with self.lock:
-            self.spent += seconds
-            self.slowest[spp] = max(self.slowest.get(spp, 0.0), seconds)
-            self.pictures.setdefault(spp, []).append(image.pixels)
+        self.take(spp, seconds, image.pixels)
         return Rendering(image, done.seconds)
 
 

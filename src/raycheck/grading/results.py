@@ -7,6 +7,9 @@ from typing import Any
 
 from raycheck.verdict import Outcome
 
+NOT_EXECUTED = "not executed"
+"""What every page and file says of pictures that were handed in."""
+
 
 @dataclass
 class SceneResult:
@@ -51,6 +54,8 @@ class TaskResult:
     """Of `points`."""
     hint: str = ""
     comment: str = ""
+    executed: bool = True
+    """False: nothing was run, pictures were handed in."""
 
 
 @dataclass

@@ -16,6 +16,8 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 MANIFEST = "raycheck.toml"
+PICTURES = "pictures"
+"""The folder of pictures that are handed in, with one of its own for each task."""
 MOST_FILES = 5000
 MOST_BYTES = 200 << 20
 KEYS = ("build", "run")
@@ -33,6 +35,17 @@ class Submission:
     folder: Path
     build: str = ""
     run: str = ""
+    has_manifest: bool = False
+
+    @property
+    def pictures_alone(self) -> bool:
+        """Nothing is to be built or run."""
+        return not self.has_manifest and (self.folder / PICTURES).is_dir()
+
+    def pictures(self, task: str) -> list[Path]:
+        """Those that are handed in for a task, in the order of their names."""
+        folder = self.folder / PICTURES / task
+        return sorted(p for p in folder.glob("*") if p.suffix.lower() in (".exr", ".pfm"))
 
 
 def is_archive(path: Path) -> bool:
@@ -147,7 +160,7 @@ def _root(folder: Path) -> Path:
     """Archives often hold one folder that holds all the rest."""
     while not (folder / MANIFEST).is_file():
         inside = [p for p in folder.iterdir() if p.name not in ("__MACOSX", ".DS_Store")]
-        if len(inside) != 1 or not inside[0].is_dir():
+        if len(inside) != 1 or not inside[0].is_dir() or inside[0].name == PICTURES:
             return folder
         folder = inside[0]
     return folder
@@ -164,7 +177,7 @@ def _manifest(folder: Path) -> Submission:
     wrong = [key for key, value in found.items() if key not in KEYS or not isinstance(value, str)]
     if wrong:
         raise SubmissionError(f"{MANIFEST}: {wrong[0]!r} is not one of {', '.join(KEYS)}, each a string")
-    return Submission(folder, **found)
+    return Submission(folder, **found, has_manifest=True)
 
 
 def remove(folder: Path) -> None:

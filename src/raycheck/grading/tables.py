@@ -10,7 +10,7 @@ from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from raycheck.grading.assignment import Assignment
 from raycheck.grading.pages import number, sentence
-from raycheck.grading.results import StudentResult, TaskResult
+from raycheck.grading.results import NOT_EXECUTED, StudentResult, TaskResult
 from raycheck.renderers import NotFound
 from raycheck.verdict import Outcome
 
@@ -83,7 +83,7 @@ def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster:
             writer.writerow([_plain(student), *cells, "", "", "", "", "nothing handed in"])
             continue
         points = [number(task.points) for task in result.tasks]
-        verdict = " ".join(f"{task.id}:{task.verdict.value}" for task in result.tasks)
+        verdict = " ".join(f"{task.id}:{task.verdict.value}{_mark(task)}" for task in result.tasks)
         review = "yes" if result.review else ""
         row = [number(result.total), number(result.pending), verdict, review, _plain(_comment(result))]
         writer.writerow([_plain(student), *points, *row])
@@ -102,6 +102,10 @@ def _comment(result: StudentResult) -> str:
     return " / ".join(failed)
 
 
+def _mark(task: TaskResult) -> str:
+    return "" if task.executed else f" ({NOT_EXECUTED})"
+
+
 def _why(task: TaskResult) -> str:
     reasons = [s.reason for s in task.scenes if s.verdict is task.verdict]
     return reasons[0] if reasons else task.comment
@@ -118,7 +122,7 @@ def junit_xml(results: Sequence[StudentResult]) -> str:
                 case.result = [Failure(_clean(task.comment), "submission")]
                 suite.add_testcase(case)
             for index, scene in enumerate(task.scenes):
-                name = f"{task.id} / {scene.scene}{f' / hidden {index}' if scene.hidden else ''}"
+                name = f"{task.id} / {scene.scene}{f' / hidden {index}' if scene.hidden else ''}{_mark(task)}"
                 case = TestCase(name, classname=result.student, time=scene.seconds)
                 if scene.verdict is Outcome.FAIL:
                     case.result = [Failure(_clean(sentence(scene.reason)), "verdict")]
