@@ -12,9 +12,13 @@ import stat
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import OpenImageIO as oiio
+
 from raycheck.images import Image, ImageError, load_image
 from raycheck.renderers import RenderError
 
+oiio.attribute("threads", 1)  # before it is used: processes forked later would lack the threads of its pool
+oiio.attribute("exr_threads", -1)
 MOST_CHANNELS = 64
 DECODE_SECONDS = 20.0
 DECODE_BYTES = 2 << 30
@@ -114,9 +118,6 @@ def _decode(answer: Connection, path: Path, size: tuple[int, int]) -> None:
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + DECODE_BYTES,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    import OpenImageIO as oiio
-
-    oiio.attribute("threads", 1)
     try:
         answer.send(_header_problem(path, size) or load_image(path))
     except ImageError as error:
@@ -126,8 +127,6 @@ def _decode(answer: Connection, path: Path, size: tuple[int, int]) -> None:
 
 
 def _header_problem(path: Path, size: tuple[int, int]) -> str:
-    import OpenImageIO as oiio
-
     reader = oiio.ImageInput.open(str(path))
     if reader is None:
         return ""  # load_image says it better
