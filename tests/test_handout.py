@@ -153,13 +153,13 @@ def test_a_bad_request_leaves_nothing_behind(tmp_path) -> None:
 
 @needs_jail
 def test_the_handout_fails_the_tasks_that_it_leaves_to_the_student_and_no_other(tmp_path) -> None:
-    """Built with one small kernel; solved, it is oneray's own sources."""
+    """Built with small kernels; solved, it is oneray's own sources."""
     tmp_path.chmod(0o755)
     asked = read_assignment(written(tmp_path / "a.toml", TASKS))
     write_handout(asked, tmp_path / "handout")
     manifest = tmp_path / "handout/raycheck.toml"
     text = manifest.read_text(encoding="utf-8")
-    written(manifest, text.replace('"make"', '"make KERNEL_LIST='double:2:0 single:4:0' CFLAGS=-O1"'))
+    written(manifest, text.replace("make", "make KERNEL_LIST='double:2:0 single:4:0' CFLAGS=-O1", 1))
     shutil.copytree(tmp_path / "handout", tmp_path / "solved")
     shutil.copytree(ROOT / "src/oneray", tmp_path / "solved/src/oneray", dirs_exist_ok=True)
     grader = Grader.prepare(asked, Tier.BUBBLEWRAP)
