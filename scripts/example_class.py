@@ -3,9 +3,9 @@ mistake, pictures instead of a program, the handout as it is, and every attack o
 
     example_class.py class --assignment assignment.toml
     raycheck grade --assignment assignment.toml --class class --out grades
-    example_class.py --compare grades/grades.csv
+    example_class.py --compare grades/grades.csv earlier/grades.csv
 
-The last prints where the grades differ from those that are expected, tests/example_class.csv.
+The last prints where two tables of grades differ: points, verdicts, totals.
 """
 
 import argparse
@@ -29,7 +29,6 @@ from raycheck.techniques import technique
 
 ROOT = Path(__file__).resolve().parents[1]
 SUBMISSIONS = ROOT / "tests/submissions"
-EXPECTED = ROOT / "tests/example_class.csv"
 PICTURES_EACH, PICTURES_SPP = 16, 64
 
 
@@ -119,7 +118,7 @@ def _oneray(folder: Path, assignment: Assignment, patch: str | None, name: str =
         (folder / "render.sh").write_text(script, encoding="utf-8")
 
 
-def differences(found: Path, expected: Path = EXPECTED) -> list[str]:
+def differences(found: Path, expected: Path) -> list[str]:
     """Where two tables of grades say something else, a line each: points, verdicts, totals."""
     ours, theirs = _table(found), _table(expected)
     lines = [f"{name}: in {expected} alone" for name in theirs if name not in ours]
@@ -144,7 +143,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="DIR", nargs="?")
     parser.add_argument("--assignment", type=Path, metavar="FILE.toml", default=ROOT / "docs/lecture12.toml")
-    parser.add_argument("--compare", type=Path, metavar="grades.csv")
+    parser.add_argument("--compare", type=Path, nargs=2, metavar="grades.csv")
     arguments = parser.parse_args()
     if (arguments.folder is None) == (arguments.compare is None):
         parser.error("a folder to write, or --compare")
@@ -153,8 +152,8 @@ def main() -> int:
             parser.error(f"{arguments.folder} is there already: name a new folder")
         write(arguments.folder, read_assignment(arguments.assignment))
         return 0
-    lines = differences(arguments.compare)
-    print("\n".join(lines) or "as expected")
+    lines = differences(*arguments.compare)
+    print("\n".join(lines) or "no difference")
     return bool(lines)
 
 
