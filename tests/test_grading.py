@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -139,13 +140,19 @@ def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path) -> Non
     assert (take_picture(out, private, 1 << 20, (4, 4)).pixels == 0.5).all()
 
 
-needs_jail = pytest.mark.skipif(
-    sys.platform != "linux" or bool(sandbox.why_not_bubblewrap()), reason="bubblewrap does not work here"
-)
+TIERS = [tier for tier in Tier if tier is not Tier.NONE]
 
 
-@needs_jail
-def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_limits(tmp_path) -> None:
+def need(tier: Tier) -> None:
+    """Skip, with the reason, where that jail does not work."""
+    problem = "grading needs Linux" if sys.platform != "linux" else sandbox.why_not(tier)
+    if problem:
+        pytest.skip(f"{tier}: {problem}")
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_limits(tmp_path, tier) -> None:
+    need(tier)
     tmp_path.chmod(0o755)
     for folder in tmp_path.parents:
         if folder.owner() == Path.home().owner() and folder != Path("/tmp"):
@@ -153,7 +160,7 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     folder, output = tmp_path / "submission", tmp_path / "out"
     folder.mkdir()
     output.mkdir()
-    jail = Jail(Tier.BUBBLEWRAP, Limits(memory_mb=200, processes=16, output_mb=4))
+    jail = Jail(tier, Limits(memory_mb=200, processes=16, output_mb=4))
 
     def problem(script: str) -> str:
         return jail.run(
@@ -161,16 +168,35 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
         ).problem
 
     assert problem("exit 0") == ""
-    assert problem(f"cat {ROOT}/README.md").startswith("exit status 1")
-    assert "Read-only" in problem("touch /submission/x")
+    secret = written(tmp_path / "secret", "a secret")
+    secret.chmod(0o600 if tier is Tier.USER else 0o644)
+    assert problem(f"cat {secret}").startswith("exit status 1")
+    assert problem("echo x >/submission/x").startswith("exit status 2")
+    assert "cannot list" in problem("ls -d /proc/1/root/usr || echo cannot list >&2; exit 1")
+    assert problem("(setsid sleep 100 &) ; exit 0") == "" and not alive("sleep 100", jail.user)
     assert "SIGXFSZ" in problem("head -c 8000000 /dev/zero > /out/big")
     assert problem("while :; do :; done").startswith("not finished after 2 s")
+    (output / "big").unlink()
     assert "Cannot fork" in problem("for i in $(seq 40); do sleep 2 & done; wait")
     assert problem("tail /dev/zero") != ""
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"/dev/tcp/127.0.0.1/{server.getsockname()[1]}"
         subprocess.run(["bash", "-c", f"exec 3<>{address}"], check=True)
-        assert "Connection refused" in problem(f"bash -c 'exec 3<>{address}'")
+        assert re.search("refused|denied", problem(f"bash -c 'exec 3<>{address}'"))
+
+
+def alive(command: str, user: int | None) -> bool:
+    """Does a process of that user run the command? None: of anybody."""
+    words = command.replace(" ", "\0").encode() + b"\0"
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if process.joinpath("cmdline").read_bytes() == words and process.stat().st_uid == (
+                os.getuid() if user is None else user
+            ):
+                return True
+        except OSError:
+            continue
+    return False
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")
@@ -241,8 +267,7 @@ def test_overrides_stand_and_name_the_line_that_is_wrong(tmp_path) -> None:
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A class of five, graded; the folder of its results."""
-    if sys.platform != "linux" or sandbox.why_not_bubblewrap():
-        pytest.skip("bubblewrap does not work here")
+    need(Tier.BUBBLEWRAP)
     work = tmp_path_factory.mktemp("class")
     example_class.write(work / "class", ("honest", "two-mistakes", "one-scene", "hopeless"))
     (work / "class/one-scene").rename(work / "class/Jan de Vries_4711_assignsubmission_file")
@@ -292,20 +317,21 @@ def test_what_is_graded_is_kept_and_what_has_changed_is_graded_anew(graded: Path
 
 
 def test_without_a_sandbox_nothing_is_run(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(sandbox, "why_not_bubblewrap", lambda: "bubblewrap is not installed")
+    monkeypatch.setattr(sandbox, "why_not", lambda tier: f"no {tier} here")
     words = ["grade", "--assignment", str(written(tmp_path / "a.toml", TASKS)), str(tmp_path)]
     done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out")])
-    assert done.exit_code == 2 and "bubblewrap is not installed; --no-sandbox" in done.output
+    assert done.exit_code == 2 and "landlock: no landlock here; " in done.output
     assert not (tmp_path / "out").exists()
 
 
-@needs_jail
-def test_attacks_get_no_points_and_disturb_nobody(tmp_path) -> None:
+@pytest.mark.parametrize("tier", [Tier.BUBBLEWRAP, Tier.LANDLOCK])
+def test_attacks_get_no_points_and_disturb_nobody(tmp_path, tier) -> None:
+    need(tier)
     tmp_path.chmod(0o755)
     chosen = ("symlink", "hard-link", "fake-results", "background", "exr-bomb", "kills-grader", "hard-coded")
     some = [one for one in attacks.read_attacks() if one.name in chosen]
     assert len(some) == len(chosen)
-    for one in attacks.survive(some, tmp_path, Tier.BUBBLEWRAP, lambda _: None):
+    for one in attacks.survive(some, tmp_path, tier, lambda _: None):
         assert not one.problem, f"{one.name}: {one.problem}"
 
 

@@ -25,7 +25,7 @@ from raycheck.grading.results import SceneResult, StudentResult, TaskResult, fai
 from raycheck.grading.sandbox import Jail, Tier
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.references import Variant
-from raycheck.renderers import NotFound, RenderError
+from raycheck.renderers import NotFound, RenderError, RenderTimeout
 from raycheck.seeds import make_seeds
 from raycheck.tiles import region_means
 from raycheck.truth import truth_of
@@ -39,6 +39,7 @@ OPTION = "; --timeout SECONDS allows more"
 """What verify advises, and no student can do."""
 LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
 """Pictures of a look."""
+OVER = "the time for the whole grading was over before this scene"
 FEW_IMAGES = 8
 MORE = 4
 """Times the samples of a look that noise makes necessary."""
@@ -53,6 +54,8 @@ class Grader:
     scenes: dict[str, list[tuple[Variant, str, bool]]]
     """By task: what is rendered, what it is called, whether it is hidden."""
     tier: Tier
+    seconds: float = math.inf
+    """For the whole of one submission."""
 
     @classmethod
     def prepare(cls, assignment: Assignment, tier: Tier) -> "Grader":
@@ -72,7 +75,7 @@ class Grader:
     def grade(self, path: Path, student: str, slot: int = 0) -> StudentResult:
         """Everything about one submission; never raises for what a submission does."""
         started = time.perf_counter()
-        jail = Jail(self.tier, self.assignment.limits, slot)
+        jail = Jail(self.tier, self.assignment.limits, slot, started + self.seconds)
         with tempfile.TemporaryDirectory(prefix="raycheck-grade-", ignore_cleanup_errors=True) as place:
             Path(place).chmod(0o711)
             try:
@@ -112,6 +115,10 @@ class Grader:
     ) -> TaskResult:
         scenes = []
         for number, (of, name, hidden) in enumerate(self.scenes[task.id]):
+            if jail.left() <= 0:
+                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, OVER))
+                continue
+            jail = jail.within(jail.left())
             work = place / f"{task.id}-{number}".replace("/", "_")
             (work / "scratch").mkdir(parents=True, mode=0o711)
             size = write_scene(of, name, work / "scene")
@@ -124,6 +131,8 @@ class Grader:
                     scenes.append(SceneResult(name, True, Outcome.FAIL, UNREADABLE))
                 else:
                     scenes.append(self._scene(task, of, name, hidden, program, purpose))
+            except RenderTimeout as error:
+                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error)))
             except (RenderError, NotFound) as error:
                 scenes.append(SceneResult(name, hidden, Outcome.FAIL, str(error)))
         return self._points(task, scenes)
