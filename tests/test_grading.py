@@ -172,7 +172,6 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     secret.chmod(0o600 if tier is Tier.USER else 0o644)
     assert problem(f"cat {secret}").startswith("exit status 1")
     assert problem("echo x >/submission/x").startswith("exit status 2")
-    assert "cannot list" in problem("ls -d /proc/1/root/usr || echo cannot list >&2; exit 1")
     assert problem("(setsid sleep 100 &) ; exit 0") == "" and not alive("sleep 100", jail.user)
     assert "SIGXFSZ" in problem("head -c 8000000 /dev/zero > /out/big")
     assert problem("while :; do :; done").startswith("not finished after 2 s")
