@@ -11,6 +11,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+import jsonschema
 import junitparser
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from raycheck import references
 from raycheck.cli import app
 from raycheck.grading import attacks, hidden, sandbox, tables
 from raycheck.grading.assignment import Limits, read_assignment
-from raycheck.grading.gradescope import results_json
+from raycheck.grading.gradescope import failed_json, results_json
 from raycheck.grading.keys import Keys, read_keys
 from raycheck.grading.pages import clusters, student_page
 from raycheck.grading.pixels import take_picture
@@ -295,6 +296,73 @@ def test_a_class_is_graded_in_the_order_of_the_roster(graded: Path) -> None:
     comments = {row["student"]: row["comment"] for row in rows}
     assert comments["hopeless"].startswith("the build failed: exit status 1; it said:")
     assert "point-light" not in comments["honest"]
+
+
+def schema(path: str) -> jsonschema.Draft202012Validator:
+    found = json.loads((ROOT / path).read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(found)
+    return jsonschema.Draft202012Validator(found)
+
+
+def test_results_are_as_their_schemas_say(graded: Path) -> None:
+    """Gradescope's by its documentation; JUnit by a reader of it, with test names that are unique."""
+    gradescope, own = (
+        schema("tests/gradescope.schema.json"),
+        schema("src/raycheck/grading/result.schema.json"),
+    )
+    gradescope.validate(json.loads(failed_json("not finished")))
+    gradescope.validate(json.loads(results_json(a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0))))
+    assert not gradescope.is_valid({"tests": [{"score": 1, "status": "PASS"}]})
+    folders = list((graded / "students").iterdir())
+    assert len(folders) == 4
+    for folder in folders:
+        gradescope.validate(json.loads((folder / "results.json").read_text(encoding="utf-8")))
+        own.validate(json.loads((folder / "result.json").read_text(encoding="utf-8")))
+        cases = [case for suite in junitparser.JUnitXml.fromfile(folder / "junit.xml") for case in suite]
+        assert len({(case.classname, case.name) for case in cases}) == len(cases) > 0
+
+
+def test_gradescope_tells_students_nothing_of_hidden_scenes() -> None:
+    result = a_result(Outcome.FAIL, "33 % too bright; it said: camera at 1 2 3")
+    assert "camera at" in results_json(result)
+    result.tasks[0].scenes[0].hidden = True
+    told = results_json(result)
+    assert "camera at" not in told and "33 %" not in told
+    assert "point-light (hidden variant): FAIL" in told
+
+
+def test_a_package_for_gradescope_grades_by_itself(tmp_path) -> None:
+    """What is in the zip, without the checkout and without apt: once with time, and once with none."""
+    need(Tier.LANDLOCK)
+    source = tmp_path / "source"
+    package = tmp_path / "a.zip"
+    words = ["grade", "--package", "gradescope", "-o", str(package)]
+    done = CliRunner().invoke(app, [*words, "--assignment", str(written(tmp_path / "a.toml", TASKS))])
+    assert done.exit_code == 0, done.output
+    with zipfile.ZipFile(package) as archive:
+        archive.extractall(source)
+        modes = {name: archive.getinfo(name).external_attr >> 16 & 0o777 for name in package_scripts()}
+    assert modes == dict.fromkeys(package_scripts(), 0o755)
+    assert not list(source.rglob("*.pyc")) and (source / "assignment.private/secret").is_file()
+    for program in ("oneray", "oneray.bin", "lib/" + next((source / "oneray/lib").glob("ld-*")).name):
+        (source / "oneray" / program).chmod(0o755)
+    version = subprocess.run([source / "oneray/oneray", "--help"], capture_output=True, text=True)
+    assert "--spp" in version.stdout + version.stderr
+    example_class.write(tmp_path / "class", ("one-scene",))
+    (tmp_path / "class/one-scene").rename(tmp_path / "submission")
+    (tmp_path / "results").mkdir()
+    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": str(source / "packages")}
+    results = []
+    for seconds in ("540", "0"):
+        words = [sys.executable, "-m", "raycheck.grading.autograder", tmp_path, "--seconds", seconds]
+        subprocess.run(words, check=True, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL)
+        results.append(json.loads((tmp_path / "results/results.json").read_text(encoding="utf-8")))
+    assert [found["score"] for found in results] == [4, 0]
+    assert "time for the whole grading" in json.dumps(results[1]) or "not finished" in json.dumps(results[1])
+
+
+def package_scripts() -> tuple[str, ...]:
+    return ("setup.sh", "run_autograder")
 
 
 def test_each_student_gets_a_page_with_the_reason_and_the_lecture_s_argument(graded: Path) -> None:
