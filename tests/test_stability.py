@@ -123,6 +123,19 @@ def test_a_leak_is_seen() -> None:
     assert not stability.sweep(CASE["contact-shadow"], Leak(1), (1e-1,)).points[0].holds
 
 
+@pytest.mark.parametrize(("spread", "reason"), [(0.05, ""), (0.2, "noise")])
+def test_what_noise_hides_does_not_hold(spread: float, reason: str) -> None:
+    """A right mean whose two standard errors are 0.6 %, and 2.5 %, where 1 % is allowed."""
+
+    class Noisy(Wrong):
+        def render(self, case: Case, settings: dict, spp: int, seed: int) -> NDArray[np.float64]:
+            signs = np.where(np.arange(256) % 2, 1.0, -1.0).reshape(16, 16)
+            return super().render(case, settings, spp, seed) * (1 + spread * signs)
+
+    point = stability.sweep(CASE["thin-slab"], Noisy(1.0), (1e-1,)).points[0]
+    assert (point.holds, point.reason) == (not reason, reason)
+
+
 def test_after_three_failures_a_sweep_ends() -> None:
     curve = stability.sweep(CASE["thin-slab"], Wrong(2.0), CASE["thin-slab"].values)
     assert len(curve.points) == 3

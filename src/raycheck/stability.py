@@ -1,7 +1,8 @@
 """How far a renderer holds in stiff cases: sweeps over decades against closed forms.
 
-A point fails where its error is beyond what the case allows and beyond 5 standard errors, where the picture
-is not finite, or where there is none. `scenes/stiff` has the scenes, stability_cases.py the cases.
+A point fails where its error is beyond what the case allows by more than 5 standard errors, where two
+standard errors are more than what is allowed, so that nothing is shown, where the picture is not finite, or
+where there is none. `scenes/stiff` has the scenes, stability_cases.py the cases.
 """
 
 import json
@@ -29,6 +30,8 @@ Array = NDArray[np.float64]
 SIGMAS = 5.0
 MITSUBA_WITHIN = 1e-2
 """What Mitsuba is allowed at least, since it has single floats."""
+RESOLVED = 1e-3
+"""Two standard errors need not be less than this, whatever a case allows."""
 PIXELS = 256
 TIMEOUT = 600.0
 
@@ -244,7 +247,9 @@ def _render_point(
         case.measure == "spread" or abs(error) - within > SIGMAS * noise or within == 0
     )
     black = case.measure != "bounces" and found == 0 and truth.value != 0
-    return Point(x, expected, found, error, noise, not (beyond or black), "black" if black else "")
+    hidden = case.measure == "mean" and within > 0 and 2 * noise > max(within, RESOLVED)
+    reason = "black" if black else "noise" if hidden and not beyond else ""
+    return Point(x, expected, found, error, noise, not (beyond or reason), reason)
 
 
 def allowed(case: Case, renderer: Renders) -> float:
@@ -344,6 +349,8 @@ def value(x: float) -> str:
 
 def error_text(point: Point) -> str:
     """What is wrong there."""
+    if point.reason == "noise":
+        return f"noise ± {words.percent(2 * point.noise)}"
     if point.reason:
         return point.reason if point.reason in ("black", "not finite") else "no picture"
     if point.found == 0 and point.expected != 0:
