@@ -4,12 +4,14 @@ import csv
 import io
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
+import jsonschema
 import junitparser
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from raycheck import references
 from raycheck.cli import app
 from raycheck.grading import attacks, hidden, sandbox, tables
 from raycheck.grading.assignment import Limits, read_assignment
-from raycheck.grading.gradescope import results_json
+from raycheck.grading.gradescope import failed_json, results_json
 from raycheck.grading.keys import Keys, read_keys
 from raycheck.grading.pages import clusters, student_page
 from raycheck.grading.pixels import take_picture
@@ -139,13 +141,19 @@ def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path) -> Non
     assert (take_picture(out, private, 1 << 20, (4, 4)).pixels == 0.5).all()
 
 
-needs_jail = pytest.mark.skipif(
-    sys.platform != "linux" or bool(sandbox.why_not_bubblewrap()), reason="bubblewrap does not work here"
-)
+TIERS = [tier for tier in Tier if tier is not Tier.NONE]
 
 
-@needs_jail
-def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_limits(tmp_path) -> None:
+def need(tier: Tier) -> None:
+    """Skip, with the reason, where that jail does not work."""
+    problem = "grading needs Linux" if sys.platform != "linux" else sandbox.why_not(tier)
+    if problem:
+        pytest.skip(f"{tier}: {problem}")
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_limits(tmp_path, tier) -> None:
+    need(tier)
     tmp_path.chmod(0o755)
     for folder in tmp_path.parents:
         if folder.owner() == Path.home().owner() and folder != Path("/tmp"):
@@ -153,7 +161,7 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     folder, output = tmp_path / "submission", tmp_path / "out"
     folder.mkdir()
     output.mkdir()
-    jail = Jail(Tier.BUBBLEWRAP, Limits(memory_mb=200, processes=16, output_mb=4))
+    jail = Jail(tier, Limits(memory_mb=200, processes=16, output_mb=4))
 
     def problem(script: str) -> str:
         return jail.run(
@@ -161,16 +169,34 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
         ).problem
 
     assert problem("exit 0") == ""
-    assert problem(f"cat {ROOT}/README.md").startswith("exit status 1")
-    assert "Read-only" in problem("touch /submission/x")
+    secret = written(tmp_path / "secret", "a secret")
+    secret.chmod(0o600 if tier is Tier.USER else 0o644)
+    assert problem(f"cat {secret}").startswith("exit status 1")
+    assert problem("echo x >/submission/x").startswith("exit status 2")
+    assert problem("(setsid sleep 100 &) ; exit 0") == "" and not alive("sleep 100", jail.user)
     assert "SIGXFSZ" in problem("head -c 8000000 /dev/zero > /out/big")
     assert problem("while :; do :; done").startswith("not finished after 2 s")
+    (output / "big").unlink()
     assert "Cannot fork" in problem("for i in $(seq 40); do sleep 2 & done; wait")
     assert problem("tail /dev/zero") != ""
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"/dev/tcp/127.0.0.1/{server.getsockname()[1]}"
         subprocess.run(["bash", "-c", f"exec 3<>{address}"], check=True)
-        assert "Connection refused" in problem(f"bash -c 'exec 3<>{address}'")
+        assert re.search("refused|denied", problem(f"bash -c 'exec 3<>{address}'"))
+
+
+def alive(command: str, user: int | None) -> bool:
+    """Does a process of that user run the command? None: of anybody."""
+    words = command.replace(" ", "\0").encode() + b"\0"
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if process.joinpath("cmdline").read_bytes() == words and process.stat().st_uid == (
+                os.getuid() if user is None else user
+            ):
+                return True
+        except OSError:
+            continue
+    return False
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")
@@ -241,8 +267,7 @@ def test_overrides_stand_and_name_the_line_that_is_wrong(tmp_path) -> None:
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A class of five, graded; the folder of its results."""
-    if sys.platform != "linux" or sandbox.why_not_bubblewrap():
-        pytest.skip("bubblewrap does not work here")
+    need(Tier.BUBBLEWRAP)
     work = tmp_path_factory.mktemp("class")
     asked = read_assignment(ROOT / "docs/lecture12.toml")
     example_class.write(work / "class", asked, ("honest", "two-mistakes", "one-scene", "hopeless"))
@@ -274,6 +299,73 @@ def test_a_class_is_graded_in_the_order_of_the_roster(graded: Path) -> None:
     assert "point-light" not in comments["honest"]
 
 
+def schema(path: str) -> jsonschema.Draft202012Validator:
+    found = json.loads((ROOT / path).read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(found)
+    return jsonschema.Draft202012Validator(found)
+
+
+def test_results_are_as_their_schemas_say(graded: Path) -> None:
+    """Gradescope's by its documentation; JUnit by a reader of it, with test names that are unique."""
+    gradescope, own = (
+        schema("tests/gradescope.schema.json"),
+        schema("src/raycheck/grading/result.schema.json"),
+    )
+    gradescope.validate(json.loads(failed_json("not finished")))
+    gradescope.validate(json.loads(results_json(a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0))))
+    assert not gradescope.is_valid({"tests": [{"score": 1, "status": "PASS"}]})
+    folders = list((graded / "students").iterdir())
+    assert len(folders) == 4
+    for folder in folders:
+        gradescope.validate(json.loads((folder / "results.json").read_text(encoding="utf-8")))
+        own.validate(json.loads((folder / "result.json").read_text(encoding="utf-8")))
+        cases = [case for suite in junitparser.JUnitXml.fromfile(folder / "junit.xml") for case in suite]
+        assert len({(case.classname, case.name) for case in cases}) == len(cases) > 0
+
+
+def test_gradescope_tells_students_nothing_of_hidden_scenes() -> None:
+    result = a_result(Outcome.FAIL, "33 % too bright; it said: camera at 1 2 3")
+    assert "camera at" in results_json(result)
+    result.tasks[0].scenes[0].hidden = True
+    told = results_json(result)
+    assert "camera at" not in told and "33 %" not in told
+    assert "point-light (hidden variant): FAIL" in told
+
+
+def test_a_package_for_gradescope_grades_by_itself(tmp_path) -> None:
+    """What is in the zip, without the checkout and without apt: once with time, and once with none."""
+    need(Tier.LANDLOCK)
+    source = tmp_path / "source"
+    package = tmp_path / "a.zip"
+    words = ["grade", "--package", "gradescope", "-o", str(package)]
+    done = CliRunner().invoke(app, [*words, "--assignment", str(written(tmp_path / "a.toml", TASKS))])
+    assert done.exit_code == 0, done.output
+    with zipfile.ZipFile(package) as archive:
+        archive.extractall(source)
+        modes = {name: archive.getinfo(name).external_attr >> 16 & 0o777 for name in package_scripts()}
+    assert modes == dict.fromkeys(package_scripts(), 0o755)
+    assert not list(source.rglob("*.pyc")) and (source / "assignment.private/secret").is_file()
+    for program in ("oneray", "oneray.bin", "lib/" + next((source / "oneray/lib").glob("ld-*")).name):
+        (source / "oneray" / program).chmod(0o755)
+    version = subprocess.run([source / "oneray/oneray", "--help"], capture_output=True, text=True)
+    assert "--spp" in version.stdout + version.stderr
+    example_class.write(tmp_path / "class", ("one-scene",))
+    (tmp_path / "class/one-scene").rename(tmp_path / "submission")
+    (tmp_path / "results").mkdir()
+    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": str(source / "packages")}
+    results = []
+    for seconds in ("540", "0"):
+        words = [sys.executable, "-m", "raycheck.grading.autograder", tmp_path, "--seconds", seconds]
+        subprocess.run(words, check=True, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL)
+        results.append(json.loads((tmp_path / "results/results.json").read_text(encoding="utf-8")))
+    assert [found["score"] for found in results] == [4, 0]
+    assert "time for the whole grading" in json.dumps(results[1]) or "not finished" in json.dumps(results[1])
+
+
+def package_scripts() -> tuple[str, ...]:
+    return ("setup.sh", "run_autograder")
+
+
 def test_each_student_gets_a_page_with_the_reason_and_the_lecture_s_argument(graded: Path) -> None:
     page = (graded / "students/two-mistakes/index.html").read_text(encoding="utf-8")
     assert "too bright" in page and "The lecture's argument: " in page
@@ -293,20 +385,21 @@ def test_what_is_graded_is_kept_and_what_has_changed_is_graded_anew(graded: Path
 
 
 def test_without_a_sandbox_nothing_is_run(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(sandbox, "why_not_bubblewrap", lambda: "bubblewrap is not installed")
+    monkeypatch.setattr(sandbox, "why_not", lambda tier: f"no {tier} here")
     words = ["grade", "--assignment", str(written(tmp_path / "a.toml", TASKS)), str(tmp_path)]
     done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out")])
-    assert done.exit_code == 2 and "bubblewrap is not installed; --no-sandbox" in done.output
+    assert done.exit_code == 2 and "landlock: no landlock here; " in done.output
     assert not (tmp_path / "out").exists()
 
 
-@needs_jail
-def test_attacks_get_no_points_and_disturb_nobody(tmp_path) -> None:
+@pytest.mark.parametrize("tier", [Tier.BUBBLEWRAP, Tier.LANDLOCK])
+def test_attacks_get_no_points_and_disturb_nobody(tmp_path, tier) -> None:
+    need(tier)
     tmp_path.chmod(0o755)
     chosen = ("symlink", "hard-link", "fake-results", "background", "exr-bomb", "kills-grader", "hard-coded")
     some = [one for one in attacks.read_attacks() if one.name in chosen]
     assert len(some) == len(chosen)
-    for one in attacks.survive(some, tmp_path, Tier.BUBBLEWRAP, lambda _: None):
+    for one in attacks.survive(some, tmp_path, tier, lambda _: None):
         assert not one.problem, f"{one.name}: {one.problem}"
 
 

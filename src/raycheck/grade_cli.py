@@ -14,13 +14,14 @@ from raycheck.cli_support import make_console, plain_errors
 from raycheck.grading import course, sandbox, tables
 from raycheck.grading.assignment import Assignment, read_assignment
 from raycheck.grading.judge import Grader
+from raycheck.grading.package import write_package
 from raycheck.grading.pages import number, sentence
 from raycheck.grading.results import StudentResult
 from raycheck.renderers import NotFound
 from raycheck.verdict import Outcome
 
 STUDENT_SPEED = 1e6
-"""Paths a second of the example submission tests/submissions/honest on one core of a common machine."""
+"""Paths a second: what a careful student's program traces on one core."""
 PLATFORM_SECONDS = 600.0
 """Gradescope's, by default."""
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
@@ -50,6 +51,12 @@ def grade(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Submissions at a time, one a core by default.")
     ] = None,
+    package: Annotated[
+        str, typer.Option(metavar="gradescope", help="Instead: write an autograder for that platform.")
+    ] = "",
+    package_file: Annotated[
+        Path, typer.Option("-o", metavar="FILE.zip", help="With --package: the file.")
+    ] = Path("autograder.zip"),
     no_sandbox: Annotated[
         bool, typer.Option("--no-sandbox", help="Run submissions with your own rights: only what you trust.")
     ] = False,
@@ -80,6 +87,9 @@ def grade(
             check_assignment(check, paths_per_second, limit, mistakes or ())
         if assignment is None:
             raise NotFound("grade needs --assignment FILE.toml, or --check FILE.toml")
+        if package:
+            _package(package, assignment, package_file)
+            raise typer.Exit(0)
         if (submission is None) == (class_folder is None):
             raise NotFound("grade needs either a SUBMISSION or --class DIR")
         asked = read_assignment(assignment)
@@ -92,7 +102,7 @@ def grade(
         )
         if submission is not None and not submission.exists():
             raise NotFound(f"{submission}: there is no such file or folder")
-        grader = Grader.prepare(asked, sandbox_tier(no_sandbox))
+        grader = Grader.prepare(asked, sandbox.Tier.NONE if no_sandbox else sandbox.best_tier())
         out.mkdir(parents=True, exist_ok=True)
         progress = Console(stderr=True)
 
@@ -107,14 +117,11 @@ def grade(
     raise typer.Exit(3 if any(result.review for result in results) else 0)
 
 
-def sandbox_tier(no_sandbox: bool) -> sandbox.Tier:
-    """The sandbox; NotFound where there is none and nobody said to go without."""
-    if no_sandbox:
-        return sandbox.Tier.NONE
-    problem = sandbox.why_not_bubblewrap()
-    if problem:
-        raise NotFound(f"there is no sandbox: {problem}; --no-sandbox runs submissions with your own rights")
-    return sandbox.Tier.BUBBLEWRAP
+def _package(platform: str, assignment: Path, path: Path) -> None:
+    if platform != "gradescope":
+        raise NotFound(f"--package {platform}: gradescope is what there is")
+    write_package(Grader.prepare(read_assignment(assignment), sandbox.Tier.NONE), path)
+    typer.echo(f"{path}: upload it to Gradescope. It holds the secret of {assignment}: keep it from students")
 
 
 def _show(asked: Assignment, results: list[StudentResult], out: Path) -> None:

@@ -6,7 +6,7 @@ reads-references)
     for place in /work /root /home /autograder /tmp /opt /var /mnt; do
         find "$place" -name '*.exr' -exec cp {} "$out" \; -quit 2>/dev/null
     done
-    cat /proc/*/environ >/dev/null 2>&1
+    cat /proc/*/environ >/dev/null 2>&1 || true
     ;;
 symlink) ln -s /etc/passwd "$out" ;;
 fifo) mkfifo "$out" ;;
@@ -32,7 +32,15 @@ cache)
         test -f "$place/cached" && exit 9
         echo cached >"$place/cached"
     done 2>/dev/null
+    ipcs -m 2>/dev/null | grep -q 4711 && exit 9
+    ipcmk -M 4711 >/dev/null 2>&1
     echo "nothing was kept" >&2
+    exit 5
+    ;;
+permissions)
+    before=$(stat -c %a:%Y attack.sh)
+    chmod 777 attack.sh && touch -d 2001-01-01 attack.sh
+    test "$before" = "$(stat -c %a:%Y attack.sh)" && echo "nothing has changed" >&2
     exit 5
     ;;
 truncated) printf 'v/1\001\002\000\000\000channels\000chlist' >"$out" ;;

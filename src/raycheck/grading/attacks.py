@@ -18,7 +18,7 @@ from raycheck.grading.assignment import read_assignment
 from raycheck.grading.judge import Grader
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
-from raycheck.grading.sandbox import FIRST_USER, USERS, Tier
+from raycheck.grading.sandbox import FIRST_USER, GRADING, USERS, Tier
 from raycheck.references import references_dir
 from raycheck.renderers import NotFound
 
@@ -89,7 +89,7 @@ def survive(
     expected = {one.name: one.reason for one in attacks} | archives
     answers = [_judge(name, reason, results[name]) for name, reason in expected.items()]
     answers += [_honest(results[name]) for name in ("0-before", "~after")]
-    return [*answers, _unchanged(before, _outside(work)), _nothing_left()]
+    return [*answers, _unchanged(before, _outside(work)), _nothing_left(len(found))]
 
 
 def _rest(attack: Attack) -> tuple[Sequence[str], str, str]:
@@ -156,11 +156,12 @@ def _unchanged(before: str, after: str) -> Survived:
     return Survived("files outside", "", "" if before == after else "files outside the jail have changed")
 
 
-def _nothing_left() -> Survived:
+def _nothing_left(jails: int) -> Survived:
     """No process of a jail lives on. As an ordinary user jails have no user id of their own to be found by;
     that their first process is dead, and so all of its name space, was waited for.
     """
-    left = [p for p in Path("/proc").glob("[0-9]*") if _owner(p) in range(FIRST_USER, FIRST_USER + USERS)]
+    users = {FIRST_USER + (GRADING + slot) % USERS for slot in range(jails)}
+    left = [p for p in Path("/proc").glob("[0-9]*") if _owner(p) in users]
     return Survived("processes", "", f"{len(left)} processes of the jail live on" if left else "")
 
 

@@ -25,6 +25,12 @@ def results_json(result: StudentResult) -> str:
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def failed_json(why: str) -> str:
+    """No points, for a reason that is not the submission's."""
+    data = {"score": 0.0, "output": why, "output_format": "text", "stdout_visibility": "hidden", "tests": []}
+    return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
+
+
 def _overall(result: StudentResult) -> str:
     lines = [sentence(result.problem)] if result.problem else []
     if result.pending:
@@ -56,6 +62,9 @@ def _test(task: TaskResult, index: int) -> dict[str, Any]:
 
 
 def _line(scene: SceneResult) -> str:
-    where = f"{scene.scene} (hidden variant)" if scene.hidden else scene.scene
+    """What the student reads of a scene."""
+    if scene.hidden:  # what a program said or how far it is off would tell the hidden scene
+        return f"{scene.scene} (hidden variant): {scene.verdict.value}"
+    where = scene.scene
     hint = f" The lecture's argument: {scene.mistake}." if scene.mistake else ""
     return f"{where}: {scene.verdict.value}: {sentence(scene.reason)}{hint}"

@@ -32,7 +32,7 @@ from raycheck.grading.sandbox import Jail, Tier
 from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.references import Variant
-from raycheck.renderers import NotFound, RenderError
+from raycheck.renderers import NotFound, RenderError, RenderTimeout
 from raycheck.seeds import make_seeds
 from raycheck.tiles import region_means
 from raycheck.truth import truth_of
@@ -48,6 +48,7 @@ LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
 """Pictures of a look."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
 PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
+OVER = "the time for the whole grading was over before this scene"
 FEW_IMAGES = 8
 MORE = 4
 """Times the samples of a look that noise makes necessary."""
@@ -62,6 +63,8 @@ class Grader:
     scenes: dict[str, list[tuple[Variant, str, bool]]]
     """By task: what is rendered, what it is called, whether it is hidden."""
     tier: Tier
+    seconds: float = math.inf
+    """For the whole of one submission."""
 
     @classmethod
     def prepare(cls, assignment: Assignment, tier: Tier) -> "Grader":
@@ -81,7 +84,7 @@ class Grader:
     def grade(self, path: Path, student: str, slot: int = 0) -> StudentResult:
         """Everything about one submission; never raises for what a submission does."""
         started = time.perf_counter()
-        jail = Jail(self.tier, self.assignment.limits, slot)
+        jail = Jail(self.tier, self.assignment.limits, slot, started + self.seconds)
         with tempfile.TemporaryDirectory(prefix="raycheck-grade-", ignore_cleanup_errors=True) as place:
             Path(place).chmod(0o711)
             try:
@@ -154,6 +157,10 @@ class Grader:
             return self._points(task, [nothing])
         scenes = []
         for number, (of, name, hidden) in enumerate(self.scenes[task.id]):
+            if jail.left() <= 0:
+                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, OVER))
+                continue
+            jail = jail.within(jail.left())
             work = place / f"{task.id}-{number}".replace("/", "_")
             (work / "scratch").mkdir(parents=True, mode=0o711)
             size = write_scene(of, name, work / "scene")
@@ -168,6 +175,8 @@ class Grader:
                 scenes.append(self.judge(task, of, name, hidden, program, purpose))
                 made = max(program.pictures.values(), key=len, default=[])
                 scenes[-1].pictures = _pictures(made, of, secret=hidden)
+            except RenderTimeout as error:
+                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error)))
             except (RenderError, NotFound) as error:
                 scenes.append(SceneResult(name, hidden, Outcome.FAIL, str(error)))
         return self._points(task, scenes)

@@ -88,9 +88,12 @@ class StudentResult:
     def review(self) -> bool:
         return self.pending > 0
 
-    def to_json(self) -> str:
+    def to_json(self, pictures: bool = True) -> str:
         totals = {"total": self.total, "pending": self.pending, "most": self.most}
-        return json.dumps({**asdict(self), **totals}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        data = {**asdict(self), **totals}
+        for scene in (scene for task in data["tasks"] for scene in task["scenes"] if not pictures):
+            scene["pictures"] = []
+        return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
     @classmethod
     def read(cls, path: Path) -> "StudentResult":
