@@ -3,6 +3,7 @@
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
+# make report     races all techniques and Mitsuba's two variants in every scene for twelve minutes, leaves build/report/index.html
 # make stability  how far both renderers hold in stiff cases, half an hour, into references/stability.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, an hour of one core, into references/calibration.json and references/signatures
@@ -53,7 +54,7 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all install wheel demo test references thorough techniques stability benchmark calibrate fuzz fuzzers clean FORCE
+.PHONY: all install wheel demo test references thorough techniques report stability benchmark calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -126,7 +127,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang libclang-rt-dev patch libllvm19 valgrind bubblewrap g++
+	scripts/setup.sh clang libclang-rt-dev patch libllvm19 valgrind chromium bubblewrap g++
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)
@@ -136,6 +137,7 @@ $(VENV)/.demo: pyproject.toml | $(PYTHON)
 	touch $@
 $(VENV)/.test: pyproject.toml | $(PYTHON)
 	$(PYTHON) -m pip install --quiet -e '.[mitsuba,test]'
+	command -v chromium >/dev/null || $(PYTHON) -m playwright install --with-deps chromium
 	touch $@
 
 # A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up.
@@ -145,7 +147,7 @@ VERIFY = $(RAYCHECK) verify --json $(BUILD)/verification.json || test $$? -eq 3
 demo: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(VERIFY)
-	$(RAYCHECK) report --verification $(BUILD)/verification.json -o $(BUILD)/report
+	$(RAYCHECK) report --seconds 0 --verification $(BUILD)/verification.json -o $(BUILD)/report
 	@echo "Open $(BUILD)/report/index.html"
 
 test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
@@ -164,17 +166,25 @@ thorough: $(BUILD)/.system $(VENV)/.demo
 techniques: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
 	$(RAYCHECK) techniques --json references/techniques.json
-	$(PYTHON) scripts/readme_prices.py
+	$(PYTHON) scripts/readme.py
+
+# Error against run time: Ctrl-C and `make report` again go on where it was.
+report: $(BUILD)/.system-test $(VENV)/.test
+	$(MAKE) all
+	$(RAYCHECK) report --against mitsuba --seconds 2 --minutes 12 --verification references/verification.json \
+	    -o $(BUILD)/report --json references/error_curves.json
+	$(PYTHON) scripts/make_previews.py $(BUILD)/report/index.html
+	@echo "Open $(BUILD)/report/index.html"
 
 stability: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
 	$(RAYCHECK) stability --json references/stability.json
-	$(PYTHON) scripts/readme_stability.py
+	$(PYTHON) scripts/readme.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	$(MAKE) all
 	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
-	$(PYTHON) scripts/readme_benchmark.py
+	$(PYTHON) scripts/readme.py
 
 calibrate: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) calibrate nulls
@@ -182,7 +192,7 @@ calibrate: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) calibrate mutants
 	$(RAYCHECK) calibrate signatures
 	$(RAYCHECK) calibrate naming
-	$(PYTHON) scripts/readme_calibration.py
+	$(PYTHON) scripts/readme.py
 
 clean:
 	rm -rf $(BUILD)

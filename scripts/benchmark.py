@@ -12,7 +12,8 @@ relative to the squared mean. Stratified and Sobol samples share out a pixel, an
 picture times its samples.
 
 Mitsuba does not count its rays. Where no roulette plays, its paths are taken to have as many as oneray's (≈).
-Scenes are written to build/benchmark/. Ctrl-C keeps what was measured.
+Scenes are written to build/benchmark/. Ctrl-C keeps what was measured. --scene and --growth-only leave the
+other figures that FILE holds as they are.
 """
 
 from __future__ import annotations
@@ -130,12 +131,28 @@ def chosen(given: argparse.Namespace) -> list[BenchScene]:
     return [] if given.growth_only else [scene for scene in SCENES if scene.name in wanted]
 
 
+def kept(given: argparse.Namespace) -> dict | None:
+    """A whole result of this machine in FILE, of which only a part is to be measured again."""
+    if not (given.json and given.json.is_file() and (given.scene or given.growth_only)):
+        return None
+    earlier = speed.read(given.json)
+    same = earlier["machine"]["processor"] == processor() and earlier["rounds"] == given.rounds
+    return dict(earlier) if same and earlier["complete"] else None
+
+
+def put(found: list[dict], one: dict, key: str) -> None:
+    """In the place of what is called the same, else at the end."""
+    names = [other[key] for other in found]
+    place = names.index(one[key]) if one[key] in names else len(names)
+    found[place : place + 1] = [one]
+
+
 def run(given: argparse.Namespace, result: dict) -> None:
     """Fills `result`, which is saved after each scene and axis."""
     offer = oneray_help()
     for scene in chosen(given):
         one = measure_scene(scene, given.rounds, given.seconds, offer, log)
-        result["scenes"].append(one)
+        put(result["scenes"], one, "name")
         save(given.json, result)
         print("\n".join([speed.plain(one), *(f"  start-up {x}" for x in speed.startup_lines(one)), ""]))
         sys.stdout.flush()
@@ -145,7 +162,7 @@ def run(given: argparse.Namespace, result: dict) -> None:
         if given.quick and axis.name != "spp":
             continue
         one = grow(axis, log, QUICK_POINTS if given.quick else None)
-        result["growth"].append(one)
+        put(result["growth"], one, "axis")
         save(given.json, result)
         if one["interrupted"]:
             raise KeyboardInterrupt
@@ -155,7 +172,7 @@ def run(given: argparse.Namespace, result: dict) -> None:
 def main() -> int:
     given = arguments_of()
     os.environ.setdefault("DRJIT_LIBLLVM_PATH", "libLLVM.so.19.1")
-    result: dict = {
+    result: dict = kept(given) or {
         "command": shlex.join(["scripts/benchmark.py", *sys.argv[1:]]),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "machine": machine(),

@@ -16,11 +16,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck import mitsuba_worker
 from raycheck.images import load_image
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build" / "benchmark"
-WORKER = Path(__file__).with_name("benchmark_mitsuba.py")
+WORKER = Path(mitsuba_worker.__file__)
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 MOST_SPP = 4096
 """Mitsuba's film adds samples in single precision and drifts beyond."""
@@ -183,7 +184,7 @@ def oneray_help() -> str:
     return subprocess.run([str(ROOT / "build/oneray"), "--help"], capture_output=True, text=True).stdout
 
 
-def oneray_contestants(offer: str, options: tuple[str, ...], learned: bool) -> list[Contestant]:
+def oneray_contestants(offer: str, options: tuple[str, ...], choices: tuple[str, ...]) -> list[Contestant]:
     """The precisions, then what `offer`, the text of --help, has beyond them."""
 
     def one(name: str, *words: str) -> Oneray:
@@ -199,9 +200,9 @@ def oneray_contestants(offer: str, options: tuple[str, ...], learned: bool) -> l
     if line("--sampler") and "sobol" in offer:
         found += [one("double sobol", *double, "--sampler", "sobol"),
                   one("single sobol", *single, "--sampler", "sobol")]  # fmt: skip
-    if learned:
-        found += [one("double learned", *double, "--light-choice", "learned"),
-                  one("single learned", *single, "--light-choice", "learned")]  # fmt: skip
+    for choice in choices:
+        found += [one(f"double {choice}", *double, "--light-choice", choice),
+                  one(f"single {choice}", *single, "--light-choice", choice)]  # fmt: skip
     return list(found)
 
 

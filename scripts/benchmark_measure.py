@@ -129,7 +129,7 @@ def entries_of(scene: BenchScene, offer: str, pilots: dict[str, list[dict]]) -> 
         best = best_of(outcome)
         if best is not None:
             entries.append(Entry(Mitsuba(f"{name} {best}", VARIANTS[name], best), spp))
-    return entries + [Entry(one) for one in oneray_contestants(offer, scene.options, scene.learned)]
+    return entries + [Entry(one) for one in oneray_contestants(offer, scene.options, scene.choices)]
 
 
 def _attempt(entry: Entry, action: Callable[[], None], log: Log) -> None:

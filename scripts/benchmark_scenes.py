@@ -103,8 +103,8 @@ class BenchScene:
     """What oneray needs for the same as Mitsuba does by the file alone."""
     roulette: bool = True
     """Paths may end by roulette, whose rule differs: then rays per path differ as well."""
-    learned: bool = False
-    """Measure oneray's learned choice of light as well."""
+    choices: tuple[str, ...] = ()
+    """Of light, that oneray is measured with as well."""
 
 
 def film(text: str, size: int) -> str:
@@ -218,7 +218,7 @@ SCENES = (
                roulette=False),
     BenchScene("glass-box", "Cornell box with mirror and glass balls, depth 12, roulette", glass_box),
     BenchScene("thousand-lights", "1,000 lights, direct light", thousand_lights, roulette=False,
-               learned=True),
+               choices=("learned", "uniform")),
     BenchScene("ball-100k", "displaced ball of 100,000 triangles, depth 6, roulette",
                lambda f: ball(f, 100_000)),
     BenchScene("ball-1m", "displaced ball of 1,000,000 triangles, depth 6, roulette",

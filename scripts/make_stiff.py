@@ -10,11 +10,14 @@ No formula is evaluated that machines round differently: the files are the same 
 import sys
 from pathlib import Path
 
+from scene_text import sensor
+
 STRIPS = 64
 GROUPS, LIGHTS = 25, 40
 """Lights of a group are of one intensity; the last light of the last group is the one that may be seen."""
 
-HEAD = """<!--
+HEAD = (
+    """<!--
     A thousand point lights over 24 decades of intensity, in 25 groups; a plate hides all but the dimmest, or,
     lowered, none. Made by scripts/make_stiff.py.
 
@@ -28,24 +31,9 @@ HEAD = """<!--
         <integer name="rr_depth" value="5"/>
     </integrator>
 
-    <sensor type="perspective">
-        <float name="fov" value="0.01"/>
-        <string name="fov_axis" value="x"/>
-        <transform name="to_world">
-            <lookat origin="-0.5, 0, 0.4" target="0, 0, 0" up="0, 0, 1"/>
-        </transform>
-        <film type="hdrfilm">
-            <integer name="width" value="16"/>
-            <integer name="height" value="16"/>
-            <string name="pixel_format" value="rgb"/>
-            <string name="component_format" value="float32"/>
-            <rfilter type="box"/>
-        </film>
-        <sampler type="independent">
-            <integer name="sample_count" value="64"/>
-        </sampler>
-    </sensor>
-
+"""
+    + sensor("0.01", "-0.5, 0, 0.4", "0, 0, 0", 16)
+    + """
     <!-- floor -->
     <shape type="rectangle">
         <transform name="to_world">
@@ -69,6 +57,7 @@ HEAD = """<!--
 
     <!-- the lights, one a line -->
 """
+)
 
 LIGHT = """\
     <emitter type="point"><point name="position" x="{x:g}" y="{y:g}" z="1"/>\

@@ -12,11 +12,14 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from scene_text import sensor
+
 COLUMNS, ROWS = 40, 25
 SPACING, HEIGHT, HALF_SIDE = 0.25, 0.5, 0.035
 RADIANCE = 7.0
 
-HEAD = """<!--
+HEAD = (
+    """<!--
     A thousand lights with one ray (L4), and how to choose among them (L6, L18).
 
     A low hall with a thousand lamps of different colour and power, made by
@@ -36,24 +39,9 @@ HEAD = """<!--
         <integer name="rr_depth" value="5"/>
     </integrator>
 
-    <sensor type="perspective">
-        <float name="fov" value="70"/>
-        <string name="fov_axis" value="x"/>
-        <transform name="to_world">
-            <lookat origin="0, 1.2, 0.48" target="0, 1.62, 0" up="0, 0, 1"/>
-        </transform>
-        <film type="hdrfilm">
-            <integer name="width" value="32"/>
-            <integer name="height" value="32"/>
-            <string name="pixel_format" value="rgb"/>
-            <string name="component_format" value="float32"/>
-            <rfilter type="box"/>
-        </film>
-        <sampler type="independent">
-            <integer name="sample_count" value="64"/>
-        </sampler>
-    </sensor>
-
+"""
+    + sensor("70", "0, 1.2, 0.48", "0, 1.62, 0", 32)
+    + """
     <bsdf type="diffuse" id="floor">
         <rgb name="reflectance" value="0.8"/>
     </bsdf>
@@ -71,6 +59,7 @@ HEAD = """<!--
 
     <!-- the lamps, one a line: all shine down -->
 """
+)
 
 LAMP = """\
     <shape type="rectangle"><transform name="to_world">\

@@ -17,11 +17,11 @@ from raycheck.renderers import NotFound
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
 
+from benchmark import put  # noqa: E402
 from benchmark_contestants import Failed, Mitsuba, Oneray, Render, oneray_contestants, spp_for  # noqa: E402
 from benchmark_growth import exponent  # noqa: E402
 from benchmark_measure import Entry, best_of, path_variances, row, run_rounds, spread, variance_error  # noqa: E402
 from benchmark_scenes import SCENES, displaced_ball, rings_for  # noqa: E402
-from readme_benchmark import renewed  # noqa: E402
 
 
 def benchmark(*words: object) -> subprocess.CompletedProcess[str]:
@@ -90,23 +90,11 @@ def test_the_pilot_says_what_it_chose_among(quick: Path) -> None:
         assert f"{variant} {best_of(outcome)}" in names
 
 
-def test_the_page_and_the_readme_show_it(quick: Path) -> None:
+def test_the_page_and_the_table_show_it(quick: Path) -> None:
     shown = report.template("speed.html").render(speed=report.speed_section(quick))
     assert shown.count("<svg") == 1 + 3 and "<polyline" in shown
     assert "oneray single: exponent" in shown and "http" not in shown
-    text = renewed("before <!-- benchmark -->old<!-- /benchmark --> after", speed.read(quick))
-    assert "old" not in text and "| Cornell box, direct light | " in text
-    assert text.startswith("before ") and text.endswith(" after")
-
-
-def test_the_readme_shows_what_was_measured() -> None:
-    """Its table is the one of references/benchmark.json."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert "<!-- benchmark -->" in readme and "<!-- /benchmark -->" in readme
-    file = ROOT / "references" / "benchmark.json"
-    if not file.is_file():
-        pytest.skip("references/benchmark.json is not there: make benchmark")
-    assert renewed(readme, speed.read(file)) == readme
+    assert "| Cornell box, direct light | " in speed.markdown(speed.read(quick))
 
 
 def rendered(images: np.ndarray, spp: int, seconds: float = 1.0) -> list[Render]:
@@ -220,13 +208,20 @@ def _render_once(contestant: Oneray | Mitsuba, scene: Path) -> None:
     contestant.render(1, 1)
 
 
+def test_a_part_that_is_measured_again_takes_its_old_place() -> None:
+    found = [{"name": "a", "x": 1}, {"name": "b", "x": 1}]
+    put(found, {"name": "a", "x": 2}, "name")
+    put(found, {"name": "c", "x": 2}, "name")
+    assert [(one["name"], one["x"]) for one in found] == [("a", 2), ("b", 1), ("c", 2)]
+
+
 def test_contestants_are_what_the_build_offers() -> None:
     """auto and sobol join where --help has them."""
-    names = [one.name for one in oneray_contestants("  --precision double*|single\n", (), False)]
+    names = [one.name for one in oneray_contestants("  --precision double*|single\n", (), ())]
     assert names == ["oneray double", "oneray single"]
     offer = "  --precision auto*|double|single\n  --sampler\n      sobol   good\n"
-    assert {"oneray auto", "oneray double sobol"} < {x.name for x in oneray_contestants(offer, (), False)}
-    learned = oneray_contestants("", ("--roulette", "none"), True)[-1]
+    assert {"oneray auto", "oneray double sobol"} < {x.name for x in oneray_contestants(offer, (), ())}
+    learned = oneray_contestants("", ("--roulette", "none"), ("learned",))[-1]
     assert isinstance(learned, Oneray)
     assert learned.options[-4:] == ("--light-choice", "learned", "--roulette", "none")
 

@@ -101,6 +101,7 @@ def test_cone_beats_facing(render) -> None:
 
 # --- One of N lights with one ray (L4, L6).
 
+
 def lamps(*radiances: float | str, height: float = 2) -> str:
     """Up to three square lamps over a floor, side by side, of different size."""
     places = ((-0.5, 0.3), (0.5, 0.3), (1.6, 0.15))

@@ -134,13 +134,3 @@ def test_what_cannot_run_says_so_in_a_line(words: list[str], message: str) -> No
     assert done.stdout == ""
     assert done.stderr.startswith(message)
     assert done.stderr.count("\n") == 1
-
-
-def test_the_readme_shows_what_was_measured() -> None:
-    """Its table is the one of references/techniques.json."""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    from readme_prices import renewed
-
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert "<!-- prices: " in readme
-    assert renewed(readme, prices.read(ROOT / "references" / "techniques.json")) == readme

@@ -184,8 +184,7 @@ class TestJudge:
         assert found.outcome is Outcome.PASS
 
     def test_heavy_tails_never_fail(self):
-        """Rare samples that carry most of the light: the estimate is right, a normal interval would not be.
-        """
+        """Rare samples that carry most of the light: the estimate is right, a normal interval is not."""
         for seed in range(100):
             rng = default_rng(seed)
             sets = []

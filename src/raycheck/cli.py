@@ -7,8 +7,9 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +23,7 @@ from raycheck import (
     assignment_cli,
     calibrate_cli,
     diagnose_cli,
+    error_curves,
     grade_cli,
     mitsuba_reference,
     prices,
@@ -35,9 +37,18 @@ from raycheck import (
 from raycheck import stability as stiff
 from raycheck.cli_support import make_console, parse_settings, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
+from raycheck.contestants import (
+    Contestant,
+    command_contestant,
+    mitsuba_contestants,
+    named_commands,
+    oneray_contestants,
+    pinned,
+)
+from raycheck.error_plots import flagged
 from raycheck.junit import junit_xml
 from raycheck.renderers import NotFound
-from raycheck.report import write_report
+from raycheck.report import Races, check_inputs, kept_races, write_report
 from raycheck.techniques import TECHNIQUES
 from raycheck.verdict import Limits, Outcome
 from raycheck.verify import Case, Verification, machine, raycheck_version
@@ -191,14 +202,70 @@ def compare(
     raise typer.Exit(result.exit_status)
 
 
+class Other(StrEnum):
+    """Renderers that a report can race oneray against."""
+
+    MITSUBA = "mitsuba"
+
+
 @app.command()
 def report(
+    scenes: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE]...", help="Names, labels such as furnace@depth=2, or files; all by default."
+        ),
+    ] = None,
+    against: Annotated[
+        Other | None, typer.Option(help="Race against Mitsuba's variants llvm_ad_rgb and scalar_rgb too.")
+    ] = None,
+    renderer: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar='NAME="CMD"',
+            help="Race against this command too, with {output} {spp} {seed} and where it can {scene}; "
+            "may be repeated.",
+        ),
+    ] = None,
+    technique: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Race only this technique; may be repeated.")
+    ] = None,
+    seconds: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            help="Process time of each contestant in each scene, all rounds together; 0 shows the error "
+            "curves of --curves and races nothing.",
+        ),
+    ] = 1.0,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.1, help="Lower --seconds so that all races are done in this time.")
+    ] = None,
+    rounds: Annotated[
+        int, typer.Option(min=error_curves.LEAST_ROUNDS, help="Interleaved, with seeds of their own.")
+    ] = error_curves.ROUNDS,
+    core: Annotated[
+        int | None, typer.Option(help="The core that renderers are pinned to; by default the last.")
+    ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Where index.html goes.")
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="DIR",
+            help="Where index.html goes; an interrupted run there is continued.",
+        ),
     ] = Path("report"),
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures of the curves here.")
+    ] = None,
     verification: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Verdicts of an earlier verify --json; verifies otherwise."),
+    ] = None,
+    curves: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="With --seconds 0: an earlier report --json; by default the references'."
+        ),
     ] = None,
     benchmark: Annotated[
         Path | None,
@@ -210,11 +277,55 @@ def report(
         Path | None,
         typer.Option(metavar="FILE", help="Figures of stability --json; by default those of the references."),
     ] = None,
-) -> None:
-    """Leave one offline page: pictures, error maps and verdicts of all scenes."""
-    with plain_errors(), _progress("verifying") as on_case:
-        page = write_report(output, verification, on_case, benchmark, stability)
+) -> None:  # fmt: skip
+    """Leave one offline page: error against run time, pictures, error maps and verdicts."""
+    writable(json_file)
+    with plain_errors():
+        wanted = [references.variant(scene) for scene in scenes or ()]
+        check_inputs(verification, benchmark, stability)
+        if seconds > 0:
+            field = _Field(against is not None, named_commands(renderer or ()), technique or ())
+            races = _races(wanted, field, seconds, minutes, rounds, core, output)
+        else:
+            races = kept_races(curves)
+        with _progress("verifying") as on_case:
+            page = write_report(output, verification, on_case, benchmark, stability, wanted, races)
+    if json_file and races:
+        replace(json_file, error_curves.to_json(races.scenes, races.header))
+    for scene, curve in flagged(races.scenes if races and seconds > 0 else ()):
+        typer.echo(f"{scene}, {curve.name}: {curve.flag}: {curve.why}")
     typer.echo(f"{page}: open it in a browser")
+
+
+@dataclass(frozen=True)
+class _Field:
+    """Who races beside oneray's techniques."""
+
+    mitsuba: bool
+    commands: Mapping[str, str]
+    techniques: Sequence[str]
+
+    def of(self, scene: references.Variant, folder: Path) -> tuple[list[Contestant], dict[str, str]]:
+        own, left_out = oneray_contestants(scene, self.techniques)
+        others = [command_contestant(name, cmd, scene, folder) for name, cmd in self.commands.items()]
+        return [*own, *(mitsuba_contestants(scene) if self.mitsuba else []), *others], left_out
+
+
+def _races(
+    wanted: Sequence[references.Variant], field: _Field, seconds: float, minutes: float | None, rounds: int,
+    core: int | None, output: Path,
+) -> Races:  # fmt: skip
+    """Race all; unfinished work is in `output`/curves."""
+    folder = output / "curves"
+    folder.mkdir(parents=True, exist_ok=True)
+    scenes = wanted or [references.variant(name) for name in references.scene_names()]
+    runners = [(of, *field.of(of, folder)) for of in scenes]
+    with _progress("racing") as on_step, pinned(core) as used:
+        found = error_curves.race_all(
+            runners, seconds=seconds, minutes=minutes, rounds=rounds, folder=folder, on_step=on_step
+        )
+    header = {"raycheck": raycheck_version(), "machine": machine(), "core": used, "command": _command_line()}
+    return Races([one for one, _ in found], header, {one.scene: pixels for one, pixels in found})
 
 
 @app.command()

@@ -28,6 +28,38 @@ def _ticks(low: int, high: int, most: int = 9) -> Iterator[int]:
     return (n for n in range(low, high + 1) if n % step == 0)
 
 
+class Axes:
+    """Logarithmic axes over whole decades: where points are, and the grid with its numbers."""
+
+    def __init__(self, xs: Sequence[float], ys: Sequence[float]):
+        self.x0, self.x1 = _range(xs)
+        self.y0, self.y1 = _range(ys)
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        across = (math.log10(x) - self.x0) / (self.x1 - self.x0) * (WIDTH - LEFT - RIGHT)
+        down = (self.y1 - math.log10(y)) / (self.y1 - self.y0) * (HEIGHT - TOP - BOTTOM)
+        return LEFT + across, TOP + down
+
+    def begin(self, x_label: str, y_label: str, about: str) -> list[str]:
+        """The opening tag and the axes."""
+        said = escape(about)
+        parts = [f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{said}">']
+        bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
+        for n in _ticks(self.x0, self.x1):
+            x, _ = self.place(10.0**n, 10.0**self.y0)
+            parts.append(f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{bottom}"/>')
+            parts.append(f'<text x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{power_of_ten(n)}</text>')
+        for n in _ticks(self.y0, self.y1):
+            _, y = self.place(10.0**self.x0, 10.0**n)
+            parts.append(f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}"/>')
+            parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{power_of_ten(n)}</text>')
+        middle = (LEFT + right) / 2
+        parts.append(f'<text x="{middle}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_label)}</text>')
+        parts.append(f'<text transform="translate(12 {(TOP + bottom) / 2}) rotate(-90)" text-anchor="middle">'
+                     f"{escape(y_label)}</text>")  # fmt: skip
+        return parts
+
+
 def log_log(curves: Mapping[str, Points], x_label: str, y_label: str, plain: Collection[str] = ()) -> str:
     """The curves, each a line with markers of its own shape, so that they differ without colour as well;
     those that are `plain` are dashed and have none.
@@ -35,34 +67,15 @@ def log_log(curves: Mapping[str, Points], x_label: str, y_label: str, plain: Col
     every = [point for points in curves.values() for point in points]
     if not every:
         return ""
-    (x0, x1), (y0, y1) = _range([x for x, _ in every]), _range([y for _, y in every])
-
-    def place(x: float, y: float) -> tuple[float, float]:
-        across = (math.log10(x) - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT)
-        return LEFT + across, TOP + (y1 - math.log10(y)) / (y1 - y0) * (HEIGHT - TOP - BOTTOM)
-
-    about = escape(f"{y_label} over {x_label}: {', '.join(curves)}")
-    parts = [f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{about}">']
-    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
-    for n in _ticks(x0, x1):
-        x, _ = place(10.0**n, 10.0**y0)
-        parts.append(f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{bottom}"/>')
-        parts.append(f'<text x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{power_of_ten(n)}</text>')
-    for n in _ticks(y0, y1):
-        _, y = place(10.0**x0, 10.0**n)
-        parts.append(f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}"/>')
-        parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{power_of_ten(n)}</text>')
-    middle = (LEFT + right) / 2
-    parts.append(f'<text x="{middle}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_label)}</text>')
-    parts.append(f'<text transform="translate(12 {(TOP + bottom) / 2}) rotate(-90)" text-anchor="middle">'
-                 f"{escape(y_label)}</text>")  # fmt: skip
+    axes = Axes([x for x, _ in every], [y for _, y in every])
+    parts = axes.begin(x_label, y_label, f"{y_label} over {x_label}: {', '.join(curves)}")
     for index, (name, points) in enumerate(curves.items()):
-        places = [place(x, y) for x, y in points]
-        parts.append(_curve(index, places, [] if name in plain else places))
+        places = [axes.place(x, y) for x, y in points]
+        parts.append(curve(index, places, [] if name in plain else places))
     return "".join([*parts, "</svg>"])
 
 
-def _curve(index: int, places: Points, marked: Points) -> str:
+def curve(index: int, places: Points, marked: Points) -> str:
     line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
     marks = "".join(_marker(index, x, y) for x, y in marked)
     dashes = "" if marked else ' stroke-dasharray="6 4"'
@@ -80,5 +93,5 @@ def _marker(index: int, x: float, y: float) -> str:
 
 def key(index: int, plain: bool = False) -> str:
     """The line and its marker alone, for a legend."""
-    drawn = _curve(index, [(0, 6), (24, 6)], [] if plain else [(12, 6)])
+    drawn = curve(index, [(0, 6), (24, 6)], [] if plain else [(12, 6)])
     return f'<svg class="plot key" viewBox="0 0 24 12" aria-hidden="true">{drawn}</svg>'

@@ -273,7 +273,7 @@ def to_json(result: Sequence[ScenePrices], header: Mapping[str, object]) -> str:
     scenes = []
     for one in result:
         lines = ",\n   ".join(
-            json.dumps(_rounded(asdict(p)), ensure_ascii=False, allow_nan=False) for p in one.prices
+            json.dumps(rounded(asdict(p)), ensure_ascii=False, allow_nan=False) for p in one.prices
         )
         head = {"scene": one.scene, "baseline": one.baseline, "left_out": one.left_out}
         text = json.dumps(head | {"rounds": one.rounds}, ensure_ascii=False)
@@ -304,11 +304,14 @@ def read(path: Path) -> list[ScenePrices]:
 SPREADS = ("relative_variance", "relative_time", "efficiency")
 
 
-def _rounded(value: object) -> object:
+def rounded(value: object) -> object:
+    """Every number in dictionaries and lists to four digits."""
     if isinstance(value, float):
         return float(f"{value:.4g}")
     if isinstance(value, dict):
-        return {key: _rounded(v) for key, v in value.items()}
+        return {key: rounded(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(v) for v in value]
     return value
 
 

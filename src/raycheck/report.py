@@ -1,8 +1,9 @@
-"""The report: one offline page with pictures, error maps and verdicts."""
+"""The report: one offline page with pictures, error maps, verdicts, and error against run time."""
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jinja2
@@ -10,8 +11,12 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import curves, pictures, references, renderers, speed, stability_plots, words
+from raycheck import curves, error_plots, pictures, references, renderers, speed, stability_plots, words
+from raycheck.contestants import oneray_line
+from raycheck.error_curves import Curve, SceneCurves
+from raycheck.error_curves import read as read_curves
 from raycheck.images import Image
+from raycheck.references import Variant
 from raycheck.renderers import NotFound
 from raycheck.seeds import make_seeds
 from raycheck.techniques import BEST, TECHNIQUES, left_out, read_content, technique
@@ -44,6 +49,39 @@ class SceneSection:
     left_out: dict[str, list[str]]
     """Techniques without a case, by the reason."""
     reference: str
+    curves: dict | None = None
+    """What curves.html shows."""
+
+
+@dataclass(frozen=True)
+class Races:
+    """Error curves of scenes, with their pictures where they were just measured."""
+
+    scenes: Sequence[SceneCurves]
+    header: Mapping[str, object]
+    pictures: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+
+    def of(self, scene: str) -> SceneCurves | None:
+        return next((one for one in self.scenes if one.scene == scene), None)
+
+
+def kept_races(path: Path | None = None) -> Races | None:
+    """Those of an earlier `report --json`, by default of the references; None where there are none."""
+    kept = references.references_dir() / "error_curves.json"
+    if path is None and not kept.is_file():
+        return None
+    scenes, header = read_curves(path or kept)
+    return Races(scenes, header)
+
+
+def check_inputs(verification: Path | None, benchmark: Path | None, stability: Path | None) -> None:
+    """NotFound or another plain error if `write_report` could not read one of these files: said before a long
+    race, not after it.
+    """
+    if verification:
+        Verification.read(verification)
+    speed_section(benchmark)
+    stability_section(stability)
 
 
 def write_report(
@@ -52,22 +90,26 @@ def write_report(
     on_case: Callable[[Case, int], None] | None = None,
     benchmark: Path | None = None,
     stability: Path | None = None,
+    scenes: Sequence[Variant] = (),
+    races: Races | None = None,
 ) -> Path:
     """Write `folder`/index.html and return its path; verifies quickly where no result of `verify --json` is
     given. `benchmark` is a result of scripts/benchmark.py, `stability` one of `raycheck stability --json`, by
-    default those of the references if there are any.
+    default those of the references if there are any. `scenes` are all canonical ones by default.
     """
     measured = speed_section(benchmark)
     stiff = stability_section(stability)
-    verdicts = _verdicts(verification, on_case)
+    wanted = scenes or [references.variant(name) for name in references.scene_names()]
+    verdicts = _verdicts(verification, on_case, scenes)
     oneray = renderers.oneray_path()
-    cases = verdicts["cases"]
-    sections = [
-        _section(name, oneray, [c for c in cases if c["scene"] == name]) for name in references.scene_names()
-    ]
+    labels = [of.label for of in wanted]
+    cases = [case for case in verdicts["cases"] if case["scene"] in labels]
+    sections = [_section(of, oneray, [c for c in cases if c["scene"] == of.label], races) for of in wanted]
     page = template().render(
         sections=sections,
-        lecture=_lecture(oneray),
+        cases=cases,
+        races=_races_summary(races, wanted) if races else None,
+        lecture=_lecture(oneray) if LECTURE_SCENE in labels else [],
         speed=measured,
         stability=stiff,
         legend=pictures.data_uri(pictures.legend()),
@@ -92,9 +134,12 @@ def write_report(
     return path
 
 
-def _verdicts(path: Path | None, on_case: Callable[[Case, int], None] | None) -> dict:
+def _verdicts(
+    path: Path | None, on_case: Callable[[Case, int], None] | None, scenes: Sequence[Variant]
+) -> dict:
     if path is None:
-        result: Verification = verify(on_case=on_case)
+        names = [of.label if of.canonical else of.path for of in scenes]
+        result: Verification = verify(None, names, on_case=on_case)
         return json.loads(result.to_json())
     found = Verification.read(path)
     try:
@@ -112,18 +157,19 @@ def template(name: str = "report.html") -> jinja2.Template:
     return environment.get_template(name)
 
 
-def _section(name: str, oneray: Path, cases: list[dict]) -> SceneSection:
-    reference = references.load_reference(name)
+def _section(of: Variant, oneray: Path, cases: list[dict], races: Races | None) -> SceneSection:
+    reference = references.load_reference(of)
     truth = truth_of(reference)
-    ours, shown = _render(oneray, name, BEST, PICTURE_SPP)
+    raced = races.of(of.label) if races else None
+    ours, shown = _render(oneray, of, BEST, PICTURE_SPP)
     stderr = ours.stderr if ours.stderr is not None else np.zeros_like(ours.pixels)
     factor = pictures.exposure(truth.mean)
     source = "closed form" if truth.closed_form else reference.made_by
     samples = reference.batches * reference.spp_per_batch
     error = pictures.error_map(ours.pixels, truth.mean, np.sqrt(stderr**2 + truth.variance))
     return SceneSection(
-        name=name,
-        about=_about(references.scene_path(name)),
+        name=of.label,
+        about=_about(of.path),
         pictures=[
             Picture(pictures.data_uri(pictures.display(truth.mean, factor)), f"reference: {source}"),
             Picture(pictures.data_uri(pictures.display(ours.pixels, factor)),
@@ -131,10 +177,56 @@ def _section(name: str, oneray: Path, cases: list[dict]) -> SceneSection:
             Picture(pictures.data_uri(error), "oneray − reference, in standard errors"),
         ],
         cases=cases,
-        left_out=left_out(read_content(references.scene_path(name))),
+        left_out=left_out(read_content(of.path, of.parameters)),
         reference=f"{source}; {reference.made_by} rendered {samples:,} samples per pixel "
         f"in {reference.batches} batches",
+        curves=_curves_section(raced, races) if races and raced else None,
     )  # fmt: skip
+
+
+def _curves_section(found: SceneCurves, races: Races) -> dict:
+    """What curves.html shows of a scene."""
+    colours = error_plots.colours(found)
+    return {
+        "scene": found.scene, "width": found.width, "height": found.height, "floor": found.floor,
+        "epsilon": found.epsilon, "baseline": found.baseline,
+        "viewer": error_plots.viewer(found, races.pictures.get(found.scene, {})),
+        "figures": error_plots.figures(found),
+        "marks": [(name, Markup(curves.key(index))) for name, index in colours.items()],
+        "columns": error_plots.COLUMNS, "rows": error_plots.rows(found),
+        "bars": error_plots.efficiency_bars(found), "startup": error_plots.startup_lines(found),
+        "command": _scene_command(str(races.header["command"]), found.scene),
+    }  # fmt: skip
+
+
+def _scene_command(command: str, scene: str) -> str:
+    """The command of the whole report, for one scene alone."""
+    words = shlex.split(command)
+    named = {one.partition("@")[0] for one in references.scene_names()}
+    rest = [word for word in words[2:] if word.partition("@")[0] not in named]
+    return shlex.join([*words[:2], scene, *rest])
+
+
+def _races_summary(races: Races, wanted: Sequence[Variant]) -> dict:
+    """What the page says of all scenes together."""
+    shown = [one for of in wanted if (one := races.of(of.label))]
+    unbounded = {of.label: read_content(of.path, of.parameters).unbounded for of in wanted}
+    within, total = error_plots.slopes_summary(shown, unbounded)
+    names = list(dict.fromkeys(name for one in shown for name in error_plots.colours(one)))
+    return {
+        "rounds": shown[0].rounds if shown else 0,
+        "core": races.header.get("core"),
+        "machine": races.header.get("machine"),
+        "command": races.header.get("command"),
+        "within": within, "total": total, "names": names,
+        "targets": [(one.scene, [_target_cell(one, name) for name in names]) for one in shown],
+        "flagged": error_plots.flagged(shown),
+    }  # fmt: skip
+
+
+def _target_cell(scene: SceneCurves, name: str) -> error_plots.Cell:
+    curve: Curve | None = next((one for one in scene.curves if one.name == name and not one.reason), None)
+    return error_plots.Cell(*error_plots.to_target(curve)) if curve else error_plots.Cell("", float("inf"))
 
 
 def _lecture(oneray: Path) -> list[Picture]:
@@ -144,7 +236,7 @@ def _lecture(oneray: Path) -> list[Picture]:
     factor = pictures.exposure(truth_of(references.load_reference(LECTURE_SCENE)).mean)
     result = []
     for name, caption in (("walk-cosine", "random walk"), ("nee", "random walk with next event estimation")):
-        image, shown = _render(oneray, LECTURE_SCENE, name, LECTURE_SPP)
+        image, shown = _render(oneray, references.variant(LECTURE_SCENE), name, LECTURE_SPP)
         uri = pictures.data_uri(pictures.display(image.pixels, factor))
         result.append(Picture(uri, f"{caption}, {LECTURE_SPP} spp", shown.command, shown.seconds))
     return result
@@ -156,13 +248,14 @@ class _Shown:
     seconds: float
 
 
-def _render(oneray: Path, scene: str, name: str, spp: int) -> tuple[Image, _Shown]:
+def _render(oneray: Path, of: Variant, name: str, spp: int) -> tuple[Image, _Shown]:
     """Render with oneray; the command that reproduces the picture comes along."""
     options = technique(name).options
-    seed = make_seeds(f"report/{scene}/{name}", 1)[0]
-    command = renderers.oneray_command(oneray, options)
-    made = command.render(references.scene_path(scene), spp, seed, timeout=600.0)
-    text = f"oneray scenes/{scene}.xml -o {scene}.exr --spp {spp} --seed {seed} {' '.join(options)}"
+    seed = make_seeds(f"report/{of.label}/{name}", 1)[0]
+    command = renderers.oneray_command(oneray, options, of.parameters)
+    made = command.render(of.path, spp, seed, timeout=600.0)
+    shown = oneray_line(of, options)
+    text = shown.replace("{spp}", str(spp)).replace("{seed}", str(seed))
     return made.image, _Shown(text, made.seconds)
 
 

@@ -261,7 +261,7 @@ def _material(element: ElementTree.Element) -> Material:
     if kind == "twosided":
         inner = element.find("bsdf")
         if inner is None:
-            raise ValueError("a <bsdf type=\"twosided\"> without a <bsdf> in it")
+            raise ValueError('a <bsdf type="twosided"> without a <bsdf> in it')
         return replace(_material(inner), two_sided=True)
     return Material(kind, _rgb(element, "reflectance", 0.5))
 

@@ -94,7 +94,7 @@ def oneray_agenda(
     if variants:
         for of in (of for of in references.ladder() if of.parameters):
             if references.is_fresh(of):
-                pairs.append((of, _standard(of)))
+                pairs.append((of, standard_technique(of)))
             else:
                 agenda.left_out[of.label] = f"there is no fresh reference; make it with: {of.renew_command}"
     for of, one in pairs:
@@ -138,7 +138,7 @@ def _names(scenes: Sequence[Variant]) -> str:
     return ", ".join(of.label for of in scenes)
 
 
-def _standard(of: Variant) -> Technique:
+def standard_technique(of: Variant) -> Technique:
     """oneray's default technique for the scene, by the name that says all that it does there."""
     possible = {one.name: one for one in applicable(read_content(of.path, of.parameters))}
     return next(possible[name] for name in (BEST, "mis-power", "nee") if name in possible)

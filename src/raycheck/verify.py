@@ -539,8 +539,32 @@ def judge_pictures(
     mistake = checks.name_mistake(images, truth.mean, truth.variance, lights, gross=True)
     if mistake:
         return case(Outcome.FAIL, mistake)
-    parts = _interleave(residuals)
-    if len(images) > 2:
+    quantum = coarse.quantum if coarse.precision != "float" else None
+    found, regions, classes = judge_few(residuals, truth, limits, quantum)
+    if found.outcome is Outcome.FAIL:
+        mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
+    elif found.outcome is Outcome.INCONCLUSIVE:
+        return case(found.outcome, _few(found, len(loaded)), **_figures(found, regions))
+    found, sentence = _sentence(found, regions, 0.0, mistake, coarse)
+    if classes > 1:
+        sentence += (
+            f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"
+        )
+    return case(found.outcome, sentence, **_figures(found, regions))
+
+
+def judge_few(
+    residuals: Array,
+    truth: Truth,
+    limits: Limits = Limits(),
+    quantum: Array | None = None,
+    independent_pixels: bool = True,
+) -> tuple[Judgement, list[Tile], int]:
+    """Judge the residuals (k, H, W, 3) of few images, with its regions and the classes of pixels that make
+    them many batches; one where the noise of different pixels is not independent, which needs k ≥ 6.
+    """
+    parts = _interleave(residuals) if independent_pixels else _Interleaved(residuals, 1)
+    if len(residuals) > 2:
         variance, third = cumulants(residuals)
         skewness = tile_skewness(variance, third, truth.skewness)
     else:
@@ -548,20 +572,9 @@ def judge_pictures(
         skewness = residual_skewness(residuals, truth.skewness)
     equivalent = equivalent_spp(truth.sample_variance, variance)
     regions = parts.usable(truth.regions(1 / parts.classes, skewness))
-    residual_batches = parts.region_means(regions)
-    quantum = coarse.quantum if coarse.precision != "float" else None
+    batches = parts.region_means(regions)
     expected = truth.expected(regions, equivalent / parts.classes, quantum)
-    found = judge(residual_batches[0::2], residual_batches[1::2], expected, limits)
-    if found.outcome is Outcome.FAIL:
-        mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
-    elif found.outcome is Outcome.INCONCLUSIVE:
-        return case(found.outcome, _few(found, len(loaded)), **_figures(found, regions))
-    found, sentence = _sentence(found, regions, 0.0, mistake, coarse)
-    if parts.classes > 1:
-        sentence += (
-            f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"
-        )
-    return case(found.outcome, sentence, **_figures(found, regions))
+    return judge(batches[0::2], batches[1::2], expected, limits), regions, parts.classes
 
 
 def _few(found: Judgement, count: int) -> str:

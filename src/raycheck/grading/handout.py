@@ -93,9 +93,7 @@ def _makefile() -> str:
     first, last = whole.find(FIRST), whole.find(LAST)
     if not 0 < first < last:
         raise NotFound(f"{ROOT / 'Makefile'}: the part that builds oneray is not found in it")
-    part = re.sub(
-        r"^(WARN\s*:=).*$", rf"\1 {WARNINGS}", whole[first:last], count=1, flags=re.MULTILINE
-    )
+    part = re.sub(r"^(WARN\s*:=).*$", rf"\1 {WARNINGS}", whole[first:last], count=1, flags=re.MULTILINE)
     phony = ".PHONY: all FORCE"
     return HEADER + re.sub(r"^\.PHONY:.*$", phony, part, count=1, flags=re.MULTILINE).rstrip() + "\n"
 

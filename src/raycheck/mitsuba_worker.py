@@ -1,9 +1,10 @@
-"""Mitsuba in a process of its own, for scripts/benchmark.py: commands as lines of JSON in, answers out.
+"""Mitsuba in a process of its own: commands as lines of JSON in, answers out.
 
-    python scripts/benchmark_mitsuba.py VARIANT
+    python -m raycheck.mitsuba_worker VARIANT
 
-{"load": FILE} and {"render": SPP, "seed": SEED, "save": FILE.npy or null}. One thread. A crash ends this
-process alone, and its peak memory is Mitsuba's and Python's, nothing else's.
+{"load": FILE, "parameters": {"name": "value"}}, the parameters optional, and {"render": SPP, "seed": SEED,
+"save": FILE.npy or null}. One thread. Answers have `seconds` by the clock and `process`, those of the
+processor. A crash ends this process alone, and its peak memory is Mitsuba's and Python's, nothing else's.
 """
 
 from __future__ import annotations
@@ -37,18 +38,21 @@ def main() -> None:
     scene = None
     for line in sys.stdin:
         order = json.loads(line)
-        start = time.perf_counter()
+        start, process = time.perf_counter(), time.process_time()
         if "load" in order:
-            scene = mi.load_file(order["load"])
+            scene = mi.load_file(order["load"], **order.get("parameters", {}))
+            spent = time.process_time() - process
             width, height = scene.sensors()[0].film().size()
             answer = {"seconds": time.perf_counter() - start, "width": int(width), "height": int(height)}
         else:
             image = np.array(mi.render(scene, spp=order["render"], seed=order["seed"]))
             answer = {"seconds": time.perf_counter() - start}
+            spent = time.process_time() - process
             answer["spp"] = scene.sensors()[0].sampler().sample_count()
             if order["save"]:
                 np.save(order["save"], image)
-        print(json.dumps(answer | {"memory": peak_memory()}), file=answers)
+        answer |= {"process": spent, "memory": peak_memory()}
+        print(json.dumps(answer), file=answers)
 
 
 if __name__ == "__main__":
