@@ -349,7 +349,7 @@ def test_a_package_for_gradescope_grades_by_itself(tmp_path) -> None:
         (source / "oneray" / program).chmod(0o755)
     version = subprocess.run([source / "oneray/oneray", "--help"], capture_output=True, text=True)
     assert "--spp" in version.stdout + version.stderr
-    example_class.write(tmp_path / "class", ("one-scene",))
+    example_class.write(tmp_path / "class", read_assignment(tmp_path / "a.toml"), ("one-scene",))
     (tmp_path / "class/one-scene").rename(tmp_path / "submission")
     (tmp_path / "results").mkdir()
     environment = {"PATH": os.environ["PATH"], "PYTHONPATH": str(source / "packages")}

@@ -102,7 +102,7 @@ points = 4
 """
 
 needs_jail = pytest.mark.skipif(
-    sys.platform != "linux" or bool(sandbox.why_not_bubblewrap()), reason="bubblewrap does not work here"
+    sys.platform != "linux" or bool(sandbox.why_not(Tier.BUBBLEWRAP)), reason="bubblewrap does not work here"
 )
 
 
