@@ -5,7 +5,7 @@
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make report     races all techniques and Mitsuba's two variants in every scene for twelve minutes, leaves build/report/index.html
 # make stability  how far both renderers hold in stiff cases, half an hour, into references/stability.json
-# make benchmark  measures speed and variance beside Mitsuba and how cost grows, fifteen minutes, into references/benchmark.json
+# make benchmark  measures speed and variance beside Mitsuba and how cost grows, twenty minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, an hour of one core, into references/calibration.json and references/signatures
 # make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
 # make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
@@ -127,7 +127,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang libclang-rt-dev patch libllvm19 valgrind chromium
+	scripts/setup.sh clang libclang-rt-dev patch libllvm19 valgrind chromium bubblewrap g++
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)

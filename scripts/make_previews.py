@@ -1,6 +1,6 @@
 """Pictures of the report's page for the README, taken in Chromium: references/pictures/error-SCENE.png.
 
-    python scripts/make_previews.py REPORT/index.html [SCENE ...]
+python scripts/make_previews.py REPORT/index.html [SCENE ...]
 """
 
 from __future__ import annotations
@@ -23,9 +23,7 @@ def main() -> None:
     page_file, scenes = Path(sys.argv[1]).resolve(), sys.argv[2:] or SCENES
     folder = references.references_dir() / "pictures"
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
-        )
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": WIDTH, "height": 900})
         page.goto(page_file.as_uri())
         for scene in scenes:

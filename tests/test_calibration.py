@@ -4,6 +4,7 @@ A sample; `raycheck calibrate` measures more, and references/calibration.json ke
 """
 
 import json
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -11,7 +12,10 @@ import numpy as np
 import pytest
 
 from raycheck import mutants
-from raycheck.calibration import kills, nulls, rivals, trials
+from raycheck.calibration import gradings, kills, nulls, rivals, trials
+from raycheck.grading.assignment import read_assignment
+from raycheck.grading.judge import Grader
+from raycheck.grading.sandbox import Tier
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -108,3 +112,32 @@ def test_the_committed_result():
     assert found["mutants"]["killed"]["raycheck"] / found["mutants"]["not_equivalent"] >= 0.95
     assert found["mutants"]["equivalent_rejected"]["raycheck"] == 0
     assert len(found["nulls"]["configurations"]) >= 8
+
+
+GRADED = """\
+name = "graded"
+[[task]]
+id = "L1"
+scenes = ["point-light"]
+points = 1
+[[task]]
+id = "L4"
+scenes = ["many-lights"]
+points = 1
+technique = "nee-uniform-choice"
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")
+def test_an_honest_program_is_not_failed(tmp_path):
+    (tmp_path / "a.toml").write_text(GRADED, encoding="utf-8")
+    asked = gradings.quick(read_assignment(tmp_path / "a.toml"))
+    grader, file = Grader.prepare(asked, Tier.NONE), tmp_path / "gradings.jsonl"
+    assert [found.reasons for found in gradings.measure(file, grader, 4)] == [[]] * 4
+    assert list(gradings.measure(file, grader, 4)) == []  # it goes on where it was
+    summary = gradings.summary(file, gradings.digest_of(grader))
+    assert summary["gradings"] == 4 and summary["verdicts"] == 8 and summary["false_failures"] == 0
+    assert summary["rate_below"] == pytest.approx(1 - 0.05 ** (1 / 4), rel=1e-2)
+    broken = file.read_text(encoding="utf-8").replace("PASS", "FAIL", 1)
+    file.write_text(broken, encoding="utf-8")
+    assert gradings.summary(file, gradings.digest_of(grader))["false_failures"] == 1

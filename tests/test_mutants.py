@@ -6,14 +6,18 @@ a sample; `raycheck calibrate mutants` judges all of them.
 
 from __future__ import annotations
 
+import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from building import ROOT
+from typer.testing import CliRunner
 
 from raycheck import mutants
 from raycheck.calibration import trials
+from raycheck.cli import app
 from raycheck.techniques import technique
 
 CATALOGUE = {mutant.name: mutant for mutant in mutants.catalogue()}
@@ -74,3 +78,34 @@ def test_a_mistake_fails(name: str) -> None:
 def test_no_mistake_does_not(name: str) -> None:
     trial = judged(name)
     assert trial.images is not None and not trial.rejected["raycheck"], trial.reason
+
+
+ASSIGNMENT = """\
+name = "check"
+delta = 0.1
+[limits]
+picture_seconds = 1
+[[task]]
+id = "L4"
+lecture = "L4"
+scenes = ["many-lights"]
+points = 1
+spp = 8
+technique = "nee-uniform-choice"
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")
+def test_an_assignment_is_tried_out_with_an_honest_program_and_a_mistake(tmp_path: Path) -> None:
+    asked = tmp_path / "a.toml"
+    asked.write_text(ASSIGNMENT, encoding="utf-8")
+    words = ["grade", "--check", str(asked), "--mutants", "light-not-scaled-by-n"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert re.search(r"L4 +PASS .* 1 of 1", done.output), done.output
+    slow = CliRunner().invoke(app, [*words[:3], "--mutants", "none", "--paths-per-second", "20000"])
+    assert slow.exit_code == 2 and "L4: a picture of 8 samples takes 1.7 s" in slow.output
+    late = CliRunner().invoke(app, [*words[:3], "--mutants", "none", "--limit", "3"])
+    assert late.exit_code == 2 and "all tasks: they take" in late.output
+    unknown = CliRunner().invoke(app, [*words[:3], "--mutants", "no-such"])
+    assert unknown.exit_code == 2 and "'no-such' is none of few, all, none" in unknown.output

@@ -106,6 +106,27 @@ def run_naming(work: Folder = WORK, json_file: Result = None) -> None:
         _put("naming", naming.summary(work / "signatures", _wanted(None)), json_file)
 
 
+@app.command(name="gradings")
+def run_gradings(
+    assignment: Annotated[Path, typer.Option(metavar="FILE.toml", help="Whose tasks are graded.")],
+    count: Annotated[int, typer.Option(min=1, help="Of an honest program, with fresh keys each.")] = 500,
+    work: Folder = WORK,
+    json_file: Result = None,
+) -> None:
+    """False failures of the grader: oneray graded as an honest program, many times over."""
+    from raycheck.calibration import gradings
+    from raycheck.grading.assignment import read_assignment
+    from raycheck.grading.judge import Grader
+    from raycheck.grading.sandbox import Tier
+
+    with plain_errors():
+        asked = gradings.quick(read_assignment(assignment))
+        grader, file = Grader.prepare(asked, Tier.NONE), _ready(work) / "gradings.jsonl"
+        for found in gradings.measure(file, grader, count):
+            typer.echo(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
+        _put("gradings", gradings.summary(file, gradings.digest_of(grader)), json_file)
+
+
 def _wanted(names: list[str] | None) -> list[Mutant]:
     found = mutants.catalogue()
     unknown = set(names or ()) - {mutant.name for mutant in found}

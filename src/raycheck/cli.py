@@ -1,4 +1,5 @@
-"""The command line: raycheck verify, compare, report, techniques, stability, reference, render.
+"""The command line: raycheck verify, compare, report, techniques, stability, reference, render, diagnose,
+scene, grade, handout, variants, calibrate, selftest.
 
 What only one command needs and takes a tenth of a second to import, that command imports.
 """
@@ -21,18 +22,22 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from raycheck import (
+    assignment_cli,
     calibrate_cli,
     diagnose_cli,
     error_curves,
+    grade_cli,
     mitsuba_reference,
     prices,
     reference_making,
     references,
     render_command,
+    scene_cli,
+    selftest_cli,
     words,
 )
 from raycheck import cli_options as options
-from raycheck.cli_support import make_console, plain_errors, replace, writable
+from raycheck.cli_support import make_console, parse_settings, plain_errors, replace, writable
 from raycheck.compare import compare as compare_images
 from raycheck.contestants import (
     Contestant,
@@ -74,6 +79,11 @@ raycheck COMMAND --help says more.
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 app.add_typer(calibrate_cli.app, name="calibrate")
 app.command()(diagnose_cli.diagnose)
+app.command()(scene_cli.scene)
+app.command()(grade_cli.grade)
+app.command()(assignment_cli.handout)
+app.command()(assignment_cli.variants)
+app.command()(selftest_cli.selftest)
 
 
 def _show_version(value: bool) -> None:
@@ -400,15 +410,6 @@ def _make_references(
                 f"{of.folder / of.label}.exr",
                 soft_wrap=True,
             )
-
-
-def parse_settings(settings: list[str] | None) -> dict[str, str]:
-    """["a=1", "b=2"] as {"a": "1", "b": "2"}; NotFound for anything else."""
-    pairs = [setting.partition("=") for setting in settings or ()]
-    for name, equals, _ in pairs:
-        if not name or not equals:
-            raise NotFound(f"-D{name}: -Dname=value is wanted")
-    return {name: value for name, _, value in pairs}
 
 
 def show(result: Verification) -> None:

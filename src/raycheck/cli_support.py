@@ -31,6 +31,15 @@ def plain_errors():
         raise typer.Exit(130) from None
 
 
+def parse_settings(settings: list[str] | None) -> dict[str, str]:
+    """["a=1", "b=2"] as {"a": "1", "b": "2"}; NotFound for anything else."""
+    pairs = [setting.partition("=") for setting in settings or ()]
+    for name, equals, _ in pairs:
+        if not name or not equals:
+            raise NotFound(f"-D{name}: -Dname=value is wanted")
+    return {name: value for name, _, value in pairs}
+
+
 def replace(path: Path, text: str) -> None:
     """Write a file as a whole or not at all."""
     partial = path.with_name(f".{path.name}.part")

@@ -492,6 +492,7 @@ def race_all(
     total = rounds * sum(len(who) for _, who, _ in runners)
     started, result = time.monotonic(), []
     for index, (of, who, left_out) in enumerate(runners):
+
         def tell(name: str, of: Variant = of) -> None:
             if on_step:
                 on_step(Step(of.label, name), total)

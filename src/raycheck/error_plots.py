@@ -367,5 +367,3 @@ def viewer(scene: SceneCurves, images: Mapping[str, Array]) -> dict | None:
         "samples": [packed(one) for one in scene.equal_samples],
         "time": [packed(one) for one in scene.equal_time],
     }
-
-

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from raycheck import pools, references, shards, words
+from raycheck.cli_support import parse_settings
 from raycheck.renderers import NotFound
 from raycheck.techniques import technique as named_technique
 
@@ -41,8 +42,6 @@ def render(
 
     Interrupted, the same command goes on from the parts in PICTURE.shards.
     """
-    from raycheck.cli import parse_settings  # which imports this module
-
     if dask and jobs:
         raise NotFound("--jobs and --dask: give one of them; a cluster has its own processes")
     if not output.absolute().parent.is_dir() or output.suffix.lower() not in (".exr", ".pfm", ".png"):

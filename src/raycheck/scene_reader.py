@@ -8,7 +8,7 @@ scene for mistakes.
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,8 @@ class Material:
     """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
 
     `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric is
-    its inner index over the outer one. A blend has two `parts` and the `weight` of the second.
+    its inner index over the outer one. A blend has two `parts` and the `weight` of the second. A `two_sided`
+    one looks the same from behind, where others are black.
     """
 
     kind: str
@@ -31,13 +32,14 @@ class Material:
     k: Array = field(default_factory=lambda: np.full(3, -1.0))
     weight: float = 0.0
     parts: tuple["Material", ...] = ()
+    two_sided: bool = False
 
 
 @dataclass(frozen=True)
 class Shape:
     """A rectangle, disk, cube or sphere: the unit shape placed by `to_world` (4, 4); radiance (3,).
 
-    A mesh (`ply`, `obj`) is named by its kind alone: no closed form judges by it.
+    A mesh (`ply`, `obj`) is named by its kind and its file: no closed form judges by it.
     """
 
     kind: str
@@ -45,6 +47,8 @@ class Shape:
     flipped: bool
     material: Material
     radiance: Array
+    mesh: Path | None = None
+    face_normals: bool = False
 
     @property
     def emits(self) -> bool:
@@ -121,6 +125,8 @@ class Scene:
     spots: tuple[Spot, ...] = ()
     sky: Array = field(default_factory=lambda: np.zeros(3))
     """(3,) radiance of what is beyond all shapes."""
+    roulette_depth: int = 5
+    hide_emitters: bool = False
 
     @property
     def only_shapes_shine(self) -> bool:
@@ -154,18 +160,21 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
     substitute(root, parameters or {})
     materials = {e.attrib["id"]: _material(e) for e in root.iter("bsdf") if "id" in e.attrib}
     integrator = root.find("integrator")
-    depth = _value(integrator, "max_depth", "-1") if integrator is not None else "-1"
+    if integrator is None:
+        raise ValueError(f"{path}: no integrator")
     sensor = root.find("sensor")
     if sensor is None:
         raise ValueError(f"{path}: no sensor")
     return Scene(
         camera=_camera(sensor),
-        max_depth=int(depth),
-        shapes=tuple(_shape(e, materials) for e in root.findall("shape")),
+        max_depth=int(_value(integrator, "max_depth", "-1")),
+        shapes=tuple(_shape(e, materials, path.parent) for e in root.findall("shape")),
         point_lights=tuple(_point_light(e) for e in _emitters(root, "point")),
         suns=tuple(_sun(e) for e in _emitters(root, "directional")),
         spots=tuple(_spot(e) for e in _emitters(root, "spot")),
         sky=sum((_rgb(e, "radiance", 1.0) for e in _emitters(root, "constant")), np.zeros(3)),
+        roulette_depth=int(_value(integrator, "rr_depth", "5")),
+        hide_emitters=_value(integrator, "hide_emitters", "false") == "true",
     )
 
 
@@ -249,10 +258,15 @@ def _material(element: ElementTree.Element) -> Material:
     if kind == "blendbsdf":
         parts = tuple(_material(e) for e in element.findall("bsdf"))
         return Material(kind, np.zeros(3), weight=float(_value(element, "weight", "0.5")), parts=parts)
+    if kind == "twosided":
+        inner = element.find("bsdf")
+        if inner is None:
+            raise ValueError('a <bsdf type="twosided"> without a <bsdf> in it')
+        return replace(_material(inner), two_sided=True)
     return Material(kind, _rgb(element, "reflectance", 0.5))
 
 
-def _shape(element: ElementTree.Element, materials: Mapping[str, Material]) -> Shape:
+def _shape(element: ElementTree.Element, materials: Mapping[str, Material], folder: Path) -> Shape:
     to_world = _transform(element)
     if element.attrib["type"] == "sphere":
         center = _named(element, "center")
@@ -273,6 +287,8 @@ def _shape(element: ElementTree.Element, materials: Mapping[str, Material]) -> S
         flipped=_value(element, "flip_normals", "false") == "true",
         material=material,
         radiance=np.zeros(3) if light is None else _rgb(light, "radiance", 1.0),
+        mesh=folder / _value(element, "filename", "") if element.attrib["type"] in ("ply", "obj") else None,
+        face_normals=_value(element, "face_normals", "false") == "true",
     )
 
 

@@ -411,7 +411,7 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
         if not mistake and not fixed:
             mistake = checks.clamped_samples(found.bias_high, pilot.noise)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
-    shown = partial(evidence, trial.task.label, both, truth)
+    shown = partial(evidence, _known_as(trial.task.of), both, truth)
     found, sentence = _sentence(found, regions, seconds, mistake, probe[0].image, shown)
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **_figures(found, regions))
 
@@ -445,6 +445,11 @@ def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool)
 
     wishes = [(goals, most(seconds)) for goals, seconds in settings.wishes(truth, unbounded)]
     return plan(pilot, truth, BATCHES, wishes, settings.limits)
+
+
+def _known_as(of: references.Variant) -> str:
+    """What signatures and parts go by; another scene may have the name of one here."""
+    return of.label if of.canonical else str(of.path)
 
 
 def _sentence(
@@ -497,7 +502,19 @@ def _image_paths(images: str | Sequence[str | Path]) -> list[Path]:
 
 
 def _judge_files(of: references.Variant, files: list[Path], limits: Limits) -> Case:
-    """Judge pictures that were already rendered, even a single one."""
+    loaded: list[Image] = []
+    for file in files:
+        try:
+            loaded.append(load_image(file))
+        except ImageError as error:
+            return Case(of.label, "images", Outcome.FAIL, str(error), images=len(files))
+    return judge_pictures(of, loaded, [str(file) for file in files], limits)
+
+
+def judge_pictures(
+    of: references.Variant, loaded: Sequence[Image], names: Sequence[str], limits: Limits
+) -> Case:
+    """Judge pictures that were already rendered, even a single one; their names are for messages."""
     started = time.perf_counter()
     truth = truth_of(references.load_reference(of))
 
@@ -510,18 +527,16 @@ def _judge_files(of: references.Variant, files: list[Path], limits: Limits) -> C
             reason,
             seconds=seconds,
             closed_form=closed,
-            images=len(files),
+            images=len(loaded),
             **figures,
         )
 
-    loaded: list[Image] = []
-    for file in files:
-        try:
-            loaded.append(load_image(file))
-            _contract(loaded[-1], truth, str(file))
-        except (ImageError, _Broken) as error:
-            return case(Outcome.FAIL, str(error))
-    problem = checks.seed_problem([checks.digest(i) for i in loaded], [str(f) for f in files], truth.varies)
+    try:
+        for image, name in zip(loaded, names, strict=True):
+            _contract(image, truth, name)
+    except _Broken as error:
+        return case(Outcome.FAIL, str(error))
+    problem = checks.seed_problem([checks.digest(i) for i in loaded], names, truth.varies)
     if problem:
         return case(Outcome.FAIL, problem)
     images = np.stack([image.pixels for image in loaded])
@@ -538,12 +553,12 @@ def _judge_files(of: references.Variant, files: list[Path], limits: Limits) -> C
     if found.outcome is Outcome.FAIL:
         mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
     elif found.outcome is Outcome.INCONCLUSIVE:
-        return case(found.outcome, _few(found, len(files)), **_figures(found, regions))
-    shown = partial(evidence, of.label, images, truth)
+        return case(found.outcome, _few(found, len(loaded)), **_figures(found, regions))
+    shown = partial(evidence, _known_as(of), images, truth)
     found, sentence = _sentence(found, regions, 0.0, mistake, coarse, shown)
     if classes > 1:
         sentence += (
-            f" (from {len(files)} image{'s' if len(files) > 1 else ''}, noise measured between pixels)"
+            f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"
         )
     return case(found.outcome, sentence, **_figures(found, regions))
 

@@ -89,7 +89,8 @@ def explanation(found: Explanation) -> str:
         told.append(f"{name} is {size}")
     more = len(found.factors) - LISTED
     if more > 0:
-        told.append(f"{more} more of the {'lights' if found.factors[0].of.light else 'path lengths'} are off too")
+        kind = "lights" if found.factors[0].of.light else "path lengths"
+        told.append(f"{more} more of the {kind} are off too")
     whole = not found.factors[0].of.says and not found.other
     return "; ".join([*told, "all of it by the same factor" if whole else "everything else agrees"])
 

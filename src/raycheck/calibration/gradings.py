@@ -1,0 +1,113 @@
+"""False failures of the grader: an honest program graded many times over, with fresh keys each time.
+
+Honest is oneray with each task's technique. Verdicts, second looks and plain checks are the grader's own, in
+this process: no jail, no files, no clock. Pictures have few samples, which makes a grading affordable and the
+tails of its statistics heavier than those of an assignment; a wide delta spares the looks that would only
+tell PASS from INCONCLUSIVE, and has no part in a FAIL.
+"""
+
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from scipy import stats
+
+from raycheck import mutants
+from raycheck.calibration.nulls import read_lines
+from raycheck.grading.assignment import Assignment, Limits
+from raycheck.grading.judge import Grader
+from raycheck.grading.keys import Keys
+from raycheck.grading.simulated import Simulated
+from raycheck.techniques import BEST
+from raycheck.verdict import Outcome
+
+SPP = 2
+WIDE = 0.5
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Grading:
+    """One grading of an honest program."""
+
+    index: int
+    verdicts: dict[str, str]
+    """By task and number of its scene."""
+    reasons: list[str]
+    """Of failures."""
+    second_looks: int
+    """Looks that failed and that a second one, with fresh seeds, did not confirm."""
+    digest: str
+    """Of the program and the assignment."""
+
+
+def quick(assignment: Assignment) -> Assignment:
+    """The assignment with few samples and without limits of time."""
+    tasks = tuple(replace(task, spp=SPP, technique=task.technique or BEST) for task in assignment.tasks)
+    limits = Limits(picture_seconds=1e6, task_seconds=1e9)
+    return replace(assignment, tasks=tasks, delta=WIDE, limits=limits)
+
+
+def grade_honest(grader: Grader, index: int, digest: str) -> Grading:
+    """Every scene of every task, with keys of their own."""
+    secret = hashlib.sha256(f"gradings {index}".encode()).digest()
+    fresh = replace(grader, keys=Keys(f"gradings {index}", secret))
+    verdicts, reasons, second = {}, [], 0
+    for task in grader.assignment.tasks:
+        for number, (of, name, hidden) in enumerate(grader.scenes[task.id]):
+            program, limits = mutants.program(None), grader.assignment.limits
+            with Simulated(program, task.technique, of, limits, 1e9) as honest:
+                judged = replace(task, noise_points=0.0)  # the noise is not compared
+                found = fresh.judge(judged, of, name, hidden, honest, f"{task.id}/{of.label}/{index}")
+            verdicts[f"{task.id}/{number}"] = found.verdict.value
+            reasons += [f"{task.id}: {found.reason}"] if found.verdict is Outcome.FAIL else []
+            second += found.borderline
+    return Grading(index, verdicts, reasons, second, digest)
+
+
+def digest_of(grader: Grader) -> str:
+    """Of the program and of what is asked."""
+    what = (mutants.program(None).parent.parent.name, grader.assignment.tasks)
+    return hashlib.sha256(repr(what).encode()).hexdigest()[:16]
+
+
+def measure(file: Path, grader: Grader, count: int) -> Iterator[Grading]:
+    """Gradings 0 … count − 1; those that `file` has of the same program and assignment are kept."""
+    digest = digest_of(grader)
+    done = {line["index"] for line in read_lines(file) if line["digest"] == digest}
+    for index in sorted(set(range(count)) - done):
+        found = grade_honest(grader, index, digest)
+        with file.open("a", encoding="utf-8") as lines:
+            lines.write(json.dumps(found.__dict__) + "\n")
+            os.fsync(lines.fileno())
+        yield found
+
+
+def summary(file: Path, digest: str) -> dict[str, object]:
+    """Failures, and the upper bound of their rate: Clopper and Pearson, one-sided."""
+    lines = [line for line in read_lines(file) if line["digest"] == digest]
+    failed = sum("FAIL" in line["verdicts"].values() for line in lines)
+    outcomes = Counter(v for line in lines for v in line["verdicts"].values())
+    verdicts = sum(outcomes.values())
+    return {
+        "gradings": len(lines),
+        "false_failures": failed,
+        "rate_below": _upper(failed, len(lines)),
+        "verdicts": verdicts,
+        "verdicts_failed": outcomes["FAIL"],
+        "verdict_rate_below": _upper(outcomes["FAIL"], verdicts),
+        "outcomes": dict(outcomes),
+        "unconfirmed_failures": sum(line["second_looks"] for line in lines),
+        "confidence": CONFIDENCE,
+        "spp": SPP,
+        "reasons": [reason for line in lines for reason in line["reasons"]],
+    }
+
+
+def _upper(failed: int, count: int) -> float:
+    bound = stats.beta.ppf(CONFIDENCE, failed + 1, count - failed) if failed < count else 1.0
+    return float(f"{bound:.3g}")

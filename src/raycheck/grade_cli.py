@@ -1,0 +1,158 @@
+"""raycheck grade: submissions of an assignment."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from raycheck.check_cli import check_assignment
+from raycheck.cli_support import make_console, plain_errors
+from raycheck.grading import course, sandbox, tables
+from raycheck.grading.assignment import Assignment, read_assignment
+from raycheck.grading.judge import Grader
+from raycheck.grading.package import write_package
+from raycheck.grading.pages import number, sentence
+from raycheck.grading.results import StudentResult
+from raycheck.renderers import NotFound
+from raycheck.verdict import Outcome
+
+STUDENT_SPEED = 1e6
+"""Paths a second: what a careful student's program traces on one core."""
+PLATFORM_SECONDS = 600.0
+"""Gradescope's, by default."""
+COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
+
+
+def grade(
+    submission: Annotated[
+        Path | None, typer.Argument(metavar="[SUBMISSION]", help="A folder or an archive (zip, tar).")
+    ] = None,
+    assignment: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="What is asked.")] = None,
+    class_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--class", metavar="DIR", help="Grade all submissions in this folder; goes on where it was."
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where results go.")] = Path("grades"),
+    student: Annotated[str, typer.Option(metavar="NAME", help="Whose SUBMISSION it is.")] = "",
+    roster: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Names in the order of grades.csv, in a column student."),
+    ] = None,
+    overrides: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Points set by hand, in columns student,task,points,comment."),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Submissions at a time, one a core by default.")
+    ] = None,
+    package: Annotated[
+        str, typer.Option(metavar="gradescope", help="Instead: write an autograder for that platform.")
+    ] = "",
+    package_file: Annotated[
+        Path, typer.Option("-o", metavar="FILE.zip", help="With --package: the file.")
+    ] = Path("autograder.zip"),
+    no_sandbox: Annotated[
+        bool, typer.Option("--no-sandbox", help="Run submissions with your own rights: only what you trust.")
+    ] = False,
+    check: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="Instead: try an assignment out, with oneray as the student."),
+    ] = None,
+    paths_per_second: Annotated[
+        float, typer.Option(min=1, help="With --check: of that student's program.")
+    ] = STUDENT_SPEED,
+    limit: Annotated[
+        float, typer.Option(min=1, help="With --check: seconds that the platform allows.")
+    ] = PLATFORM_SECONDS,
+    mistakes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--mutants", metavar="NAME", help="With --check: few, all, none, or a name of tests/mutants."
+        ),
+    ] = None,
+) -> None:
+    """Grade one SUBMISSION, or with --class all of a class. Exit status 0 when everything is graded, 3 if
+    points are left open for a manual review, 2 if nothing could be graded.
+    """
+    with plain_errors():
+        if sys.platform != "linux":
+            raise NotFound("grading needs Linux (or WSL); raycheck verify --renderer runs everywhere")
+        if check is not None:
+            check_assignment(check, paths_per_second, limit, mistakes or ())
+        if assignment is None:
+            raise NotFound("grade needs --assignment FILE.toml, or --check FILE.toml")
+        if package:
+            _package(package, assignment, package_file)
+            raise typer.Exit(0)
+        if (submission is None) == (class_folder is None):
+            raise NotFound("grade needs either a SUBMISSION or --class DIR")
+        asked = read_assignment(assignment)
+        names = tables.read_roster(roster) if roster else []
+        by_hand = tables.read_overrides(overrides, asked) if overrides else {}
+        found = (
+            course.entries(class_folder, names)
+            if class_folder
+            else [course.Entry(student or submission.resolve().name.split(".")[0], submission)]
+        )
+        if submission is not None and not submission.exists():
+            raise NotFound(f"{submission}: there is no such file or folder")
+        grader = Grader.prepare(asked, sandbox.Tier.NONE if no_sandbox else sandbox.best_tier())
+        out.mkdir(parents=True, exist_ok=True)
+        progress = Console(stderr=True)
+
+        def on_result(result: StudentResult) -> None:
+            if len(found) > 1:
+                points = f"{number(result.total)} of {number(result.most)}"
+                progress.print(f"{result.student}: {points}", highlight=False, markup=False)
+
+        results = course.grade_class(grader, found, out, jobs or os.cpu_count() or 1, on_result)
+        course.write_class(asked, results, out, names, by_hand)
+    _show(asked, results, out)
+    raise typer.Exit(3 if any(result.review for result in results) else 0)
+
+
+def _package(platform: str, assignment: Path, path: Path) -> None:
+    if platform != "gradescope":
+        raise NotFound(f"--package {platform}: gradescope is what there is")
+    write_package(Grader.prepare(read_assignment(assignment), sandbox.Tier.NONE), path)
+    typer.echo(f"{path}: upload it to Gradescope. It holds the secret of {assignment}: keep it from students")
+
+
+def _show(asked: Assignment, results: list[StudentResult], out: Path) -> None:
+    console = make_console()
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("student")
+    for task in asked.tasks:
+        table.add_column(task.id, justify="right")
+    table.add_column("total", justify="right")
+    for result in results:
+        cells = [
+            f"[{COLOURS[t.verdict]}]{number(t.points)}{'?' if t.pending else ''}[/]" for t in result.tasks
+        ]
+        table.add_row(result.student.replace("[", "("), *cells, number(result.total))
+    console.print(table)
+    if len(results) == 1:
+        for line in _details(results[0]):
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+    console.print(sentence(results[0].sandbox), markup=False, highlight=False, soft_wrap=True)
+    console.print(
+        f"{out / 'index.html'}: open it in a browser", markup=False, highlight=False, soft_wrap=True
+    )
+
+
+def _details(result: StudentResult) -> list[str]:
+    if result.problem:
+        return [sentence(result.problem)]
+    lines = []
+    for task in result.tasks:
+        for scene in task.scenes:
+            where = f"{scene.scene} (hidden variant)" if scene.hidden else scene.scene
+            lines.append(f"{task.id}, {where}: {scene.verdict.value}. {sentence(scene.reason)}")
+        lines += [f"{task.id}: {sentence(task.comment)}"] if task.comment else []
+    return lines

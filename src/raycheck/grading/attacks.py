@@ -1,0 +1,174 @@
+"""The grader's own test: hostile submissions, between two honest ones, must get no points for a plain reason.
+
+The programs are in tests/attacks of a checkout. Archives that lead out of their folder are made here.
+"""
+
+import io
+import re
+import stat
+import tarfile
+import tomllib
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from raycheck.grading import course
+from raycheck.grading.assignment import read_assignment
+from raycheck.grading.judge import Grader
+from raycheck.grading.keys import digest_of
+from raycheck.grading.results import StudentResult
+from raycheck.grading.sandbox import FIRST_USER, GRADING, USERS, Tier
+from raycheck.references import references_dir
+from raycheck.renderers import NotFound
+
+FOLDER = Path(__file__).resolve().parents[3] / "tests/attacks"
+ASSIGNMENT = """\
+name = "attacks"
+delta = 0.05
+[limits]
+build_seconds = 20
+picture_seconds = 3
+task_seconds = 120
+memory_mb = 512
+processes = 32
+output_mb = 4
+[[task]]
+id = "L1"
+scenes = ["point-light"]
+points = 10
+spp = 4
+"""
+HONEST_RUN = "./floor honest {spp} {seed} {output}"
+HONEST_BUILD = "gcc -O1 -o floor floor.c -lm"
+
+
+@dataclass(frozen=True)
+class Attack:
+    name: str
+    reason: str
+    """Regular expression that the reason for no points must match."""
+    files: Sequence[str] = ()
+    build: str = ""
+    run: str = ""
+
+
+@dataclass(frozen=True)
+class Survived:
+    """What came of an attack."""
+
+    name: str
+    reason: str
+    problem: str
+    """Why it was not survived; empty if it was."""
+
+
+def read_attacks(folder: Path = FOLDER) -> list[Attack]:
+    """NotFound outside a checkout."""
+    path = folder / "attacks.toml"
+    if not path.is_file():
+        raise NotFound(f"{path} is missing: the attacks need a checkout of the sources")
+    return [Attack(**table) for table in tomllib.loads(path.read_text(encoding="utf-8"))["attack"]]
+
+
+def survive(
+    attacks: Sequence[Attack], work: Path, tier: Tier, on_result: Callable[[StudentResult], None]
+) -> list[Survived]:  # fmt: skip
+    """Grade the attacks, and an honest program before and after them, in the empty folder `work`."""
+    (work / "class").mkdir()
+    assignment = work / "attacks.toml"
+    assignment.write_text(ASSIGNMENT, encoding="utf-8")
+    honest = Attack("honest", "", ("floor.c",), HONEST_BUILD, HONEST_RUN)
+    for one in (*attacks, Attack("0-before", "", *_rest(honest)), Attack("~after", "", *_rest(honest))):
+        hand_in(one, work / "class" / one.name)
+    archives = hostile_archives(work / "class")
+    before = _outside(work)
+    grader = Grader.prepare(read_assignment(assignment), tier)
+    found = course.entries(work / "class", [])
+    results = {r.student: r for r in course.grade_class(grader, found, work / "out", 1, on_result)}
+    expected = {one.name: one.reason for one in attacks} | archives
+    answers = [_judge(name, reason, results[name]) for name, reason in expected.items()]
+    answers += [_honest(results[name]) for name in ("0-before", "~after")]
+    return [*answers, _unchanged(before, _outside(work)), _nothing_left(len(found))]
+
+
+def _rest(attack: Attack) -> tuple[Sequence[str], str, str]:
+    return attack.files, attack.build, attack.run
+
+
+def hand_in(attack: Attack, folder: Path) -> None:
+    """An attack as a submission, in a new folder."""
+    folder.mkdir(parents=True)
+    for name in (*attack.files, "attack.sh"):
+        (folder / name).write_bytes((FOLDER / name).read_bytes())
+    run = attack.run or f"sh attack.sh {attack.name} {{output}}"
+    manifest = f'build = "{attack.build}"\nrun = "{run}"\n'
+    (folder / "raycheck.toml").write_text(manifest, encoding="utf-8")
+
+
+def hostile_archives(folder: Path) -> dict[str, str]:
+    """Archives that attack whoever unpacks them, and the reasons that are expected."""
+    with zipfile.ZipFile(folder / "climbs-out.zip", "w") as archive:
+        archive.writestr("../../escaped.txt", "escaped")
+    with zipfile.ZipFile(folder / "zip-bomb.zip", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("zeros", bytes(220 << 20))
+    with zipfile.ZipFile(folder / "zip-link.zip", "w") as archive:
+        info = zipfile.ZipInfo("raycheck.toml")
+        info.external_attr = (stat.S_IFLNK | 0o777) << 16
+        archive.writestr(info, "/etc/passwd")
+    for name, kind in (("tar-link.tar", tarfile.SYMTYPE), ("tar-device.tar", tarfile.CHRTYPE)):
+        with tarfile.open(folder / name, "w") as archive:
+            info = tarfile.TarInfo("raycheck.toml")
+            info.type, info.linkname = kind, "/etc/passwd"
+            archive.addfile(info)
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w") as archive:
+        archive.writestr("raycheck.toml", 'run = "x {output}"')
+    (folder / "cut-short.zip").write_bytes(whole.getvalue()[:-30])
+    return {
+        "climbs-out": "leads out of the submission", "zip-bomb": "unpacks to more than",
+        "zip-link": "is a link", "tar-link": "is a link or a device", "tar-device": "is a link or a device",
+        "cut-short": "neither a folder nor",
+    }  # fmt: skip
+
+
+def _judge(name: str, expected: str, result: StudentResult) -> Survived:
+    reasons = [result.problem, *(scene.reason for task in result.tasks for scene in task.scenes)]
+    reason = next((r for r in reasons if r), "")
+    if result.total or result.pending:
+        return Survived(name, reason, f"it got {result.total} points, {result.pending} are open")
+    if not re.search(expected, reason):
+        return Survived(name, reason, f"the reason does not say {expected!r}: {reason}")
+    return Survived(name, reason, "")
+
+
+def _honest(result: StudentResult) -> Survived:
+    problem = "" if result.total == result.most else f"the honest program got {result.total} of {result.most}"
+    return Survived(f"honest program {result.student}", "", problem)
+
+
+def _outside(work: Path) -> str:
+    """Of what no attack may change: the references, the attacks themselves, and the class folder."""
+    return " ".join(digest_of(folder) for folder in (references_dir(), FOLDER, work / "class"))
+
+
+def _unchanged(before: str, after: str) -> Survived:
+    return Survived("files outside", "", "" if before == after else "files outside the jail have changed")
+
+
+def _nothing_left(jails: int) -> Survived:
+    """No process of a jail lives on. As an ordinary user jails have no user id of their own to be found by;
+    that their first process is dead, and so all of its name space, was waited for.
+    """
+    users = {FIRST_USER + (GRADING + slot) % USERS for slot in range(jails)}
+    left = [p for p in Path("/proc").glob("[0-9]*") if _owner(p) in users]
+    return Survived("processes", "", f"{len(left)} processes of the jail live on" if left else "")
+
+
+def _owner(process: Path) -> int:
+    """Its user, −1 where it is dead."""
+    try:
+        alive = process.joinpath("stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+        return process.stat().st_uid if alive else -1
+    except OSError:
+        return -1

@@ -1,0 +1,48 @@
+"""Gradescope's run_autograder: one submission, within the platform's time.
+
+A failing result comes first and is replaced as a whole: whatever happens, there is one. Details for the
+teacher go to standard output, which students do not see.
+"""
+
+import argparse
+import time
+from dataclasses import replace as changed
+from pathlib import Path
+
+from raycheck.cli_support import replace
+from raycheck.grading import course, sandbox
+from raycheck.grading.assignment import read_assignment
+from raycheck.grading.gradescope import failed_json, results_json
+from raycheck.grading.judge import Grader
+from raycheck.grading.package import ASSIGNMENT
+from raycheck.references import ReferenceError_
+from raycheck.renderers import NotFound
+
+UNFINISHED = "The grading was ended before it was finished. These are no final points: tell your teacher."
+NOT_STARTED = "The grading could not start, and it is not your fault: tell your teacher."
+
+
+def run(root: Path, seconds: float) -> None:
+    """Grade root/submission into root/results/results.json."""
+    started = time.perf_counter()
+    results = root / "results/results.json"
+    replace(results, failed_json(UNFINISHED))
+    try:
+        assignment = read_assignment(root / "source" / ASSIGNMENT)
+        grader = Grader.prepare(assignment, sandbox.best_tier())
+    except (NotFound, ReferenceError_) as error:
+        print(error)
+        replace(results, failed_json(NOT_STARTED))
+        return
+    grader = changed(grader, seconds=seconds - (time.perf_counter() - started))
+    result = course.grade_one(grader, course.Entry("submission", root / "submission"))
+    replace(results, results_json(result))
+    print(result.to_json(pictures=False))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("root", type=Path)
+    parser.add_argument("--seconds", type=float, required=True)
+    arguments = parser.parse_args()
+    run(arguments.root, arguments.seconds)

@@ -1,0 +1,140 @@
+"""Variants: the task's scene from another place and in other light: no stored picture passes. Hidden ones no
+student sees; of a pool each student gets one to hand in pictures of.
+
+The camera is turned about what it looks at and each light's colour is scaled; where both go to is decided by
+the secret. The reference is oneray's, made once and kept with the scene.
+"""
+
+import contextlib
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck import reference_making, references, renderers
+from raycheck.grading.keys import Keys
+from raycheck.references import Variant
+from raycheck.techniques import BEST, technique
+
+Array = NDArray[np.float64]
+
+LEAST_TURN, MOST_TURN = math.radians(6), math.radians(16)
+DIMMEST, BRIGHTEST = 0.7, 1.4
+"""Factors of each channel of a light."""
+SIMILAR = 0.3
+"""The mean of a variant may not fall below this share of the original's: nothing is to be seen then."""
+GOAL = reference_making.Goal(image=4e-4, tile=2e-3, checked_tile=2e-3, most_seconds=60.0)
+TRIES = 8
+LOOK_SPP = 64
+
+
+def hidden_variants(of: Variant, count: int, keys: Keys, folder: Path) -> list[Variant]:
+    """`count` variants with their references, in `folder`; made where they are missing or stale."""
+    made = [
+        _scene_file(of, f"{of.label}/{index}", f"hidden{index + 1}", keys, folder) for index in range(count)
+    ]
+    return [_with_reference(one) for one in made]
+
+
+def pool_index(of: Variant, student: str, count: int, keys: Keys) -> int:
+    """Which one of the pool is a student's: HMAC(secret, student) modulo `count`."""
+    return keys.number(f"{of.label}/pool/{student}", hidden=True) % count
+
+
+def pool_variant(of: Variant, index: int, keys: Keys, folder: Path) -> Variant:
+    """One of the pool, made where it is missing; without a reference."""
+    with _one_process(folder):
+        return _scene_file(of, f"{of.label}/pool {index}", f"pool{index + 1}", keys, folder)
+
+
+def with_reference(made: Variant) -> Variant:
+    """The same, its reference made where it is missing, by one process at a time."""
+    with _one_process(made.path.parent):
+        return _with_reference(made)
+
+
+@contextlib.contextmanager
+def _one_process(folder: Path) -> Iterator[None]:
+    import fcntl  # POSIX alone
+
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) -> Variant:
+    """The first variation that shows enough light."""
+    path = folder / f"{of.label.replace('=', '-').replace('@', '-')}-{name}.xml"
+    least = SIMILAR * references.load_reference(of).mean.mean()
+    for attempt in range(TRIES):
+        text = vary(of, f"{purpose}/{attempt}", keys)
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _copy_meshes(of, folder)
+            path.write_text(text, encoding="utf-8")
+        made = references.variant(path)
+        if look_at(made).mean() > least:
+            return made
+    raise references.ReferenceError_(f"{of.label}: no variant shows enough light")
+
+
+def look_at(of: Variant) -> Array:
+    """A picture (H, W, 3) with some noise, in no time."""
+    command = renderers.oneray_command(renderers.oneray_path(), technique(BEST).options, of.parameters)
+    return command.render(of.path, LOOK_SPP, 0, 600.0).image.pixels
+
+
+def _with_reference(made: Variant) -> Variant:
+    if not references.is_fresh(made):
+        renderer = reference_making.OnerayBatches(made, 1)
+        plan = reference_making.pilot(renderer, GOAL)
+        reference_making.make_reference(made, renderer, plan, GOAL)
+    return made
+
+
+def _copy_meshes(of: Variant, folder: Path) -> None:
+    for string in ElementTree.parse(of.path).getroot().iter("string"):
+        if string.get("name") == "filename":
+            name = string.get("value", "")
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes((of.path.parent / name).read_bytes())
+
+
+def vary(of: Variant, purpose: str, keys: Keys) -> str:
+    """The scene file of a variant."""
+    root = ElementTree.parse(of.path).getroot()
+    for default in root.iter("default"):
+        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
+    for step in root.findall("./sensor/transform/lookat"):
+        origin, target, up = (
+            np.array([float(word) for word in step.get(key, "").replace(",", " ").split()])
+            for key in ("origin", "target", "up")
+        )
+        turn = LEAST_TURN + (MOST_TURN - LEAST_TURN) * keys.fraction(f"{purpose}/turn")
+        side = 1 if keys.fraction(f"{purpose}/side") < 0.5 else -1
+        moved = target + _turned(origin - target, up, side * turn)
+        step.set("origin", ", ".join(f"{x:.6g}" for x in moved))
+    for number, emitter in enumerate(root.iter("emitter")):
+        for colour in emitter.findall("rgb"):
+            values = np.array([float(word) for word in colour.get("value", "").replace(",", " ").split()])
+            scales = [
+                DIMMEST + (BRIGHTEST - DIMMEST) * keys.fraction(f"{purpose}/light {number}/{c}")
+                for c in range(3)
+            ]
+            scaled = np.broadcast_to(values, 3) * scales
+            colour.set("value", ", ".join(f"{x:.6g}" for x in scaled))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _turned(vector: Array, axis: Array, angle: float) -> Array:
+    """Rodrigues' formula."""
+    k = axis / np.linalg.norm(axis)
+    return (
+        vector * math.cos(angle)
+        + np.cross(k, vector) * math.sin(angle)
+        + k * (k @ vector) * (1 - math.cos(angle))
+    )

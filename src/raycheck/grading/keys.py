@@ -1,0 +1,55 @@
+"""Seeds and choices: reproducible at a regrade, and where no student may know them, not guessable.
+
+Shown scenes take their seeds from a published key, the assignment's name, so that a check at home sees what
+the grader sees. Hidden ones take HMAC-SHA-256(secret, what it is for).
+"""
+
+import hashlib
+import hmac
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+
+SECRET_BYTES = 32
+
+
+@dataclass(frozen=True)
+class Keys:
+    published: str
+    secret: bytes
+
+    def number(self, purpose: str, hidden: bool) -> int:
+        """A number below 2⁶³ for that purpose."""
+        key = self.secret if hidden else self.published.encode()
+        return int.from_bytes(hmac.digest(key, purpose.encode(), "sha256")[:8], "little") >> 1
+
+    def fraction(self, purpose: str) -> float:
+        """0 ≤ x < 1, secret."""
+        return self.number(purpose, hidden=True) / 2**63
+
+
+def private_folder(assignment: Path) -> Path:
+    """What no student may see: FILE.private beside FILE.toml, with the secret and the hidden scenes."""
+    folder = assignment.with_suffix(".private")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder
+
+
+def read_keys(assignment: Path, published: str) -> Keys:
+    """The secret is made at the first use, and kept: without it a regrade has other seeds and scenes."""
+    path = private_folder(assignment) / "secret"
+    if not path.is_file():
+        with path.open("x", encoding="ascii") as file:
+            path.chmod(0o600)
+            file.write(secrets.token_hex(SECRET_BYTES) + "\n")
+    return Keys(published, bytes.fromhex(path.read_text(encoding="ascii").strip()))
+
+
+def digest_of(folder: Path) -> str:
+    """Of all files below a folder, their names and contents."""
+    whole = hashlib.sha256()
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        name = path.relative_to(folder).as_posix().encode()
+        whole.update(len(name).to_bytes(4, "little") + name)
+        whole.update(hashlib.sha256(path.read_bytes()).digest())
+    return whole.hexdigest()

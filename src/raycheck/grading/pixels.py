@@ -1,0 +1,139 @@
+"""The border: a picture that a hostile program left in a folder becomes numbers, or a sentence.
+
+Only a regular file with one link is read, through a descriptor that follows no link; size and header are
+checked before anything is decoded, and other formats than PFM are decoded by a process that may crash or
+swell alone.
+"""
+
+import multiprocessing
+import os
+import shutil
+import stat
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import OpenImageIO as oiio
+
+from raycheck.images import Image, ImageError, load_image
+from raycheck.renderers import RenderError
+
+oiio.attribute("threads", 1)  # before it is used: processes forked later would lack the threads of its pool
+oiio.attribute("exr_threads", -1)
+MOST_CHANNELS = 64
+DECODE_SECONDS = 20.0
+DECODE_BYTES = 2 << 30
+"""Address space of the decoding process beyond its own at the start."""
+
+
+def take_picture(
+    folder: Path, private: Path, most_bytes: int, size: tuple[int, int], said: str = ""
+) -> Image:
+    """The picture image.exr, or the one file whose name begins so, as an Image of height and width `size`.
+
+    `private` is a folder that no student's program reaches; RenderError says what is wrong.
+    """
+    names = sorted(p.name for p in folder.iterdir() if p.name.startswith("image.exr"))[:2]
+    name = "image.exr" if "image.exr" in names else names[0] if len(names) == 1 else ""
+    if not name:
+        raise RenderError(f"exit status 0, but {{output}} was not written{said}")
+    copy = private / "picture"
+    _copy(folder / name, copy, most_bytes)
+    return read_picture(copy, size)
+
+
+def _copy(source: Path, target: Path, most_bytes: int) -> None:
+    try:
+        descriptor = os.open(source, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        kind = "a link" if source.is_symlink() else "not a file that can be read"
+        raise RenderError(f"{{output}} is {kind}: a plain file is needed") from None
+    found = os.fstat(descriptor)
+    if not stat.S_ISREG(found.st_mode):
+        os.close(descriptor)
+        raise RenderError("{output} is a pipe, device or folder: a plain file is needed")
+    with os.fdopen(descriptor, "rb") as file:
+        if found.st_nlink != 1:
+            raise RenderError(f"{{output}} has {found.st_nlink} hard links: a file of its own is needed")
+        if found.st_size > most_bytes:
+            raise RenderError(f"{{output}} has {found.st_size} bytes, at most {most_bytes} are read")
+        with target.open("wb") as copy:
+            shutil.copyfileobj(file, copy)
+
+
+def read_picture(path: Path, size: tuple[int, int]) -> Image:
+    """Decode a file that is already ours; RenderError for anything but a picture of that height and width."""
+    try:
+        with path.open("rb") as file:
+            if file.read(2) in (b"PF", b"Pf"):
+                _check_pfm(path, size)
+                return load_image(path)
+    except ImageError as error:
+        raise RenderError(_plain(error, path)) from None
+    answer = _decode_apart(path, size)
+    if isinstance(answer, str):
+        raise RenderError(answer)
+    return answer
+
+
+def _plain(error: Exception, path: Path) -> str:
+    return str(error).replace(str(path), "{output}")
+
+
+def _check_pfm(path: Path, size: tuple[int, int]) -> None:
+    """Before memory is taken for its pixels."""
+    with path.open("rb") as file:
+        words = file.read(200).split()
+    if len(words) >= 3 and all(word.isdigit() and len(word) < 10 for word in words[1:3]):
+        width, height = int(words[1]), int(words[2])
+        if (height, width) != size:
+            raise RenderError(_other_size(width, height, size))
+
+
+def _other_size(width: int, height: int, size: tuple[int, int]) -> str:
+    turned = ", width and height are swapped" if (width, height) == size and width != height else ""
+    return f"the image is {width}×{height} pixels, the scene asks for {size[1]}×{size[0]}{turned}"
+
+
+def _decode_apart(path: Path, size: tuple[int, int]) -> Image | str:
+    context = multiprocessing.get_context("fork")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_decode, args=(theirs, path, size), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        if not ours.poll(DECODE_SECONDS):
+            return f"{{output}} was not decoded within {DECODE_SECONDS:.0f} s"
+        return ours.recv()
+    except EOFError:
+        return "{output} is malformed: decoding it crashed"
+    finally:
+        ours.close()
+        process.kill()
+        process.join()
+
+
+def _decode(answer: Connection, path: Path, size: tuple[int, int]) -> None:
+    import resource  # POSIX alone
+
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + DECODE_BYTES,) * 2)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    try:
+        answer.send(_header_problem(path, size) or load_image(path))
+    except ImageError as error:
+        answer.send(_plain(error, path))
+    except MemoryError:
+        answer.send("{output} takes too much memory to decode")
+
+
+def _header_problem(path: Path, size: tuple[int, int]) -> str:
+    reader = oiio.ImageInput.open(str(path))
+    if reader is None:
+        return ""  # load_image says it better
+    spec = reader.spec()
+    reader.close()
+    if (spec.height, spec.width) != size:
+        return _other_size(spec.width, spec.height, size)
+    if spec.nchannels > MOST_CHANNELS or spec.depth > 1:
+        return f"the image has {spec.nchannels} channels, at most {MOST_CHANNELS} are read"
+    return ""

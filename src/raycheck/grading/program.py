@@ -1,0 +1,172 @@
+"""A submission's program as a renderer: every picture from a jail of its own."""
+
+import shutil
+import tempfile
+import threading
+import time
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck import scene_export
+from raycheck.grading.assignment import Limits
+from raycheck.grading.pixels import take_picture
+from raycheck.grading.sandbox import Jail
+from raycheck.references import Variant
+from raycheck.renderers import RenderError, Rendering, RenderTimeout, split_command
+from raycheck.scene_reader import read_scene
+
+Array = NDArray[np.float64]
+
+
+def write_scene(of: Variant, name: str, folder: Path) -> tuple[int, int]:
+    """scene.xml with its meshes, and scene.json, as a program in the jail sees them; height and width.
+
+    `name` is what the scene is called there: a hidden variant has the name of what it varies.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    root = ElementTree.parse(of.path).getroot()
+    for default in root.iter("default"):
+        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
+    for string in root.iter("string"):
+        if string.get("name") == "filename":
+            mesh = of.path.parent / string.get("value", "")
+            shutil.copyfile(mesh, folder / mesh.name)
+            string.set("value", mesh.name)
+    ElementTree.ElementTree(root).write(folder / "scene.xml", encoding="utf-8")
+    data = {**scene_export.export(of), "scene": name}
+    (folder / "scene.json").write_text(scene_export.to_json(data), encoding="utf-8")
+    camera = read_scene(of.path, of.parameters).camera
+    return camera.height, camera.width
+
+
+@dataclass
+class Taken:
+    """The pictures of a program that were taken, and the time that they took."""
+
+    pictures: dict[int, list[Array]] = field(default_factory=dict, kw_only=True)
+    """By samples per pixel."""
+    spent: float = field(default=0.0, kw_only=True)
+    slowest: dict[int, float] = field(default_factory=dict, kw_only=True)
+    """Seconds of the slowest picture, by samples per pixel."""
+    lock: threading.Lock = field(default_factory=threading.Lock, kw_only=True)
+
+    @property
+    def limits(self) -> Limits:
+        """The assignment's."""
+        raise NotImplementedError
+
+    def has_time(self, spp: int, more: int, pictures: int) -> bool:
+        """Will so many pictures of `more` samples certainly keep the limits, by those of `spp` samples?"""
+        each = self.slowest.get(spp, 0.0) * more / spp
+        limits = self.limits
+        return each < limits.picture_seconds / 2 and self.spent + each * pictures < limits.task_seconds
+
+    def check_time(self) -> None:
+        """RenderTimeout where the task's time is over."""
+        limit = self.limits.task_seconds
+        if self.spent > limit:
+            done = sum(map(len, self.pictures.values()))
+            raise RenderTimeout(f"the {limit:.0f} s of the task were over after {done} pictures")
+
+    def take(self, spp: int, seconds: float, pixels: Array) -> None:
+        with self.lock:
+            self.spent += seconds
+            self.slowest[spp] = max(self.slowest.get(spp, 0.0), seconds)
+            self.pictures.setdefault(spp, []).append(pixels)
+
+
+@dataclass
+class Program(Taken):
+    """The run command on one scene; a renderer as raycheck.verify takes it."""
+
+    jail: Jail
+    folder: Path
+    """The submission's, read-only to it."""
+    command: str
+    scene: Path
+    """Folder that `write_scene` filled."""
+    name: str
+    size: tuple[int, int]
+    """Height and width of the picture."""
+    task: str
+    scratch: Path
+
+    def __post_init__(self) -> None:
+        self.words = split_command(self.command)
+        if not any("{output}" in word for word in self.words):
+            raise RenderError("the run command has no {output}: say where the picture is to be written")
+
+    def _takes(self, *placeholders: str) -> bool:
+        return any(p in word for word in self.words for p in placeholders)
+
+    @property
+    def takes_scene(self) -> bool:
+        return True  # each scene has a Program of its own
+
+    @property
+    def reads_scene(self) -> bool:
+        """It renders scenes that are not in its source."""
+        return self._takes("{scene}", "{json}")
+
+    @property
+    def takes_spp(self) -> bool:
+        return self._takes("{spp}")
+
+    @property
+    def takes_seed(self) -> bool:
+        return self._takes("{seed}")
+
+    @property
+    def limits(self) -> Limits:
+        return self.jail.limits
+
+    def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
+        """`scene` is of no interest: the program gets its own copy."""
+        del scene
+        self.check_time()
+        limits = self.limits
+        values = {
+            "{output}": "/out/image.exr", "{scene}": "/task/scene.xml", "{json}": "/task/scene.json",
+            "{name}": self.name, "{task}": self.task, "{spp}": str(spp), "{seed}": str(seed),
+        }  # fmt: skip
+        words = [_fill(word, values) for word in self.words]
+        with tempfile.TemporaryDirectory(dir=self.scratch, ignore_cleanup_errors=True) as place:
+            output, private = Path(place) / "out", Path(place) / "private"
+            Path(place).chmod(0o711)
+            output.mkdir()
+            private.mkdir(mode=0o700)
+            started = time.perf_counter()
+            done = self.jail.run(
+                words, seconds=min(limits.picture_seconds, timeout), folder=self.folder, writable=False,
+                readable={self.scene: "/task"}, output=output,
+            )  # fmt: skip
+            if done.problem:
+                raise RenderError(f"no picture (seed {seed}): {done.problem}")
+            image = take_picture(output, private, limits.output_mb << 20, self.size, _said(done.said))
+            seconds = time.perf_counter() - started
+        self.take(spp, seconds, image.pixels)
+        return Rendering(image, done.seconds)
+
+
+def _said(text: str) -> str:
+    lines = [line.strip()[:300] for line in text.splitlines() if line.strip()]
+    return "; it said: " + " | ".join(lines[-3:]) if lines else ""
+
+
+def _fill(word: str, values: dict[str, str]) -> str:
+    for placeholder, value in values.items():
+        word = word.replace(placeholder, value)
+    return word
+
+
+def build(jail: Jail, folder: Path, command: str) -> str:
+    """Build a submission in the jail; what went wrong in a sentence, or nothing."""
+    if not command:
+        return ""
+    words = ["/bin/sh", "-c", command]
+    done = jail.run(words, seconds=jail.limits.build_seconds, folder=folder, writable=True)
+    return f"the build failed: {done.problem}" if done.problem else ""

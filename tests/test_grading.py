@@ -1,0 +1,415 @@
+"""Grading: what is asked, what is handed in, what crosses the border, and what it is worth."""
+
+import csv
+import io
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import jsonschema
+import junitparser
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from raycheck import references
+from raycheck.cli import app
+from raycheck.grading import attacks, hidden, sandbox, tables
+from raycheck.grading.assignment import Limits, read_assignment
+from raycheck.grading.gradescope import failed_json, results_json
+from raycheck.grading.keys import Keys, read_keys
+from raycheck.grading.pages import clusters, student_page
+from raycheck.grading.pixels import take_picture
+from raycheck.grading.results import SceneResult, StudentResult, TaskResult
+from raycheck.grading.sandbox import Jail, Tier
+from raycheck.grading.submission import SubmissionError, open_submission
+from raycheck.images import write_exr, write_pfm
+from raycheck.renderers import NotFound, RenderError
+from raycheck.verdict import Outcome
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "scripts"))
+import example_class  # noqa: E402
+
+TASKS = """\
+name = "small"
+delta = 0.05
+[[task]]
+id = "L1"
+lecture = "L1"
+scenes = ["point-light"]
+points = 4
+spp = 4
+hint = "Divide by d²."
+"""
+AREA = """\
+[[task]]
+id = "L3"
+lecture = "L3"
+scenes = ["area-light"]
+points = 4
+spp = 4
+technique = "nee"
+noise_points = 2
+"""
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name = 3", "no \\[\\[task\\]\\]"),
+        ('[[task]]\nid = "a"\nscenes = ["point-light"]\npoints = 1', "'name' is missing"),
+        ('name = "a"\n[[task]]\nid = "a"\nscenes = ["no-such"]\npoints = 1', "no scene 'no-such'"),
+        ('name = "a"\n[[task]]\nid = "a"\nscenes = ["point-light"]\npoints = "1"', "points is '1', float"),
+        ('name = "a"\n[[task]]\nid = "a"\nscenes = ["point-light"]\npoint = 1', "unknown key 'point'"),
+        (TASKS + TASKS[TASKS.index("[[task") :], "two tasks have the id 'L1'"),
+        (TASKS + "noise_points = 1\n", "need the technique"),
+        (TASKS + 'technique = "no-such"\n', "no technique 'no-such'"),
+        ("name = ", "not TOML"),
+        (TASKS.replace("delta = 0.05", 'inconclusive = "never"'), "inconclusive is 'never'"),
+    ],
+)
+def test_what_is_wrong_with_an_assignment_is_said(tmp_path, text: str, words: str) -> None:
+    with pytest.raises(NotFound, match=words):
+        read_assignment(written(tmp_path / "a.toml", text))
+
+
+def test_the_example_assignment_is_one() -> None:
+    assignment = read_assignment(ROOT / "docs/lecture12.toml")
+    assert assignment.most == 100
+    assert {task.lecture for task in assignment.tasks} == {f"L{n}" for n in range(1, 17)}
+
+
+def test_an_archive_is_unpacked_below_its_folder_alone(tmp_path) -> None:
+    (tmp_path / "class").mkdir()
+    for name, words in attacks.hostile_archives(tmp_path / "class").items():
+        archive = next((tmp_path / "class").glob(f"{name}.*"))
+        (tmp_path / name / "into").mkdir(parents=True)
+        with pytest.raises(SubmissionError, match=words):
+            open_submission(archive, tmp_path / name / "into")
+    assert not list(tmp_path.rglob("escaped.txt"))
+
+
+def test_a_folder_in_an_archive_is_the_submission(tmp_path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("mine/raycheck.toml", 'run = "./mine {output}"')
+        archive.writestr("__MACOSX/mine", "")
+    (tmp_path / "into").mkdir()
+    found = open_submission(tmp_path / "a.zip", tmp_path / "into")
+    assert found.folder == tmp_path / "into/mine" and found.run == "./mine {output}"
+
+
+def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path) -> None:
+    out, private = tmp_path / "out", tmp_path / "private"
+    out.mkdir()
+    private.mkdir()
+    picture = out / "image.exr"
+
+    def refused(words: str) -> None:
+        with pytest.raises(RenderError, match=words):
+            take_picture(out, private, 1 << 20, (4, 4))
+        picture.rmdir() if picture.is_dir() else picture.unlink(missing_ok=True)
+
+    refused("was not written")
+    picture.symlink_to("/etc/passwd")
+    refused("a link")
+    os.mkfifo(picture)
+    refused("a pipe")
+    picture.mkdir()
+    refused("a pipe, device or folder")
+    write_pfm(picture, np.ones((4, 4, 3)))
+    (out / "other").hardlink_to(picture)
+    refused("2 hard links")
+    with picture.open("wb") as file:
+        file.truncate(1 << 30)
+    refused("at most 1048576 are read")
+    write_pfm(picture, np.ones((4, 8, 3)))
+    refused("8×4 pixels, the scene asks for 4×4")
+    write_exr(picture, dict.fromkeys("RGB", np.ones((8, 4))))
+    refused("4×8 pixels, the scene asks for 4×4")
+    write_exr(picture, dict.fromkeys("RGB", np.full((4, 4), 0.5)))
+    assert (take_picture(out, private, 1 << 20, (4, 4)).pixels == 0.5).all()
+
+
+TIERS = [tier for tier in Tier if tier is not Tier.NONE]
+
+
+def need(tier: Tier) -> None:
+    """Skip, with the reason, where that jail does not work."""
+    problem = "grading needs Linux" if sys.platform != "linux" else sandbox.why_not(tier)
+    if problem:
+        pytest.skip(f"{tier}: {problem}")
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_limits(tmp_path, tier) -> None:
+    need(tier)
+    tmp_path.chmod(0o755)
+    for folder in tmp_path.parents:
+        if folder.owner() == Path.home().owner() and folder != Path("/tmp"):
+            folder.chmod(folder.stat().st_mode | 0o011)
+    folder, output = tmp_path / "submission", tmp_path / "out"
+    folder.mkdir()
+    output.mkdir()
+    jail = Jail(tier, Limits(memory_mb=200, processes=16, output_mb=4))
+
+    def problem(script: str) -> str:
+        return jail.run(
+            ["/bin/sh", "-c", script], seconds=2, folder=folder, writable=False, output=output
+        ).problem
+
+    assert problem("exit 0") == ""
+    secret = written(tmp_path / "secret", "a secret")
+    secret.chmod(0o600 if tier is Tier.USER else 0o644)
+    assert problem(f"cat {secret}").startswith("exit status 1")
+    assert problem("echo x >/submission/x").startswith("exit status 2")
+    assert problem("(setsid sleep 100 &) ; exit 0") == "" and not alive("sleep 100", jail.user)
+    assert "SIGXFSZ" in problem("head -c 8000000 /dev/zero > /out/big")
+    assert problem("while :; do :; done").startswith("not finished after 2 s")
+    (output / "big").unlink()
+    assert "Cannot fork" in problem("for i in $(seq 40); do sleep 2 & done; wait")
+    assert problem("tail /dev/zero") != ""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"/dev/tcp/127.0.0.1/{server.getsockname()[1]}"
+        subprocess.run(["bash", "-c", f"exec 3<>{address}"], check=True)
+        assert re.search("refused|denied", problem(f"bash -c 'exec 3<>{address}'"))
+
+
+def alive(command: str, user: int | None) -> bool:
+    """Does a process of that user run the command? None: of anybody."""
+    words = command.replace(" ", "\0").encode() + b"\0"
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if process.joinpath("cmdline").read_bytes() == words and process.stat().st_uid == (
+                os.getuid() if user is None else user
+            ):
+                return True
+        except OSError:
+            continue
+    return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")
+def test_without_a_jail_the_same_commands_find_the_same_folders(tmp_path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "task").mkdir()
+    written(tmp_path / "task/scene.json", "a scene")
+    script = written(tmp_path / "outside.sh", 'cp "$1" "$2"')
+    done = Jail(Tier.NONE, Limits()).run(
+        ["sh", "./outside.sh", "/task/scene.json", "/out/image.exr"], seconds=5, folder=script.parent,
+        writable=False, readable={tmp_path / "task": "/task"}, output=tmp_path / "out",
+    )  # fmt: skip
+    assert not done.problem and (tmp_path / "out/image.exr").read_text(encoding="utf-8") == "a scene"
+
+
+def test_a_hidden_variant_is_another_picture_and_not_to_be_guessed() -> None:
+    of = references.variant("area-light")
+    one, other = (hidden.vary(of, "area-light/0/0", Keys("a", secret)) for secret in (b"1", b"2"))
+    assert one == hidden.vary(of, "area-light/0/0", Keys("a", b"1"))
+    assert len({one, other, of.path.read_text(encoding="utf-8")}) == 3
+
+
+def test_the_secret_is_kept_and_is_the_owner_s_alone(tmp_path) -> None:
+    keys = read_keys(tmp_path / "a.toml", "a")
+    assert read_keys(tmp_path / "a.toml", "a") == keys and len(keys.secret) == 32
+    assert (tmp_path / "a.private").stat().st_mode & 0o077 == 0
+    assert keys.number("x", hidden=True) != Keys("a", b"other").number("x", hidden=True)
+    assert keys.number("x", hidden=False) == Keys("a", b"other").number("x", hidden=False)
+
+
+def a_result(verdict: Outcome, reason: str, pending: float = 0.0) -> StudentResult:
+    scene = SceneResult("point-light", False, verdict, reason, mde_image=0.01)
+    points = 4.0 if verdict is Outcome.PASS else 0.0
+    task = TaskResult("L1", "L1", "L1", verdict, points, pending, 4.0, [scene])
+    return StudentResult("<b>Eve</b>", "small", [task], "no sandbox")
+
+
+def test_what_students_control_is_escaped_everywhere(tmp_path) -> None:
+    assignment = read_assignment(written(tmp_path / "a.toml", TASKS))
+    result = a_result(Outcome.FAIL, "it said: <script>alert(1)</script>\x00")
+    page = student_page(assignment, result)
+    assert "<script" not in page and "<b>Eve" not in page and "http" not in page
+    [suite] = list(junitparser.JUnitXml.fromstring(tables.junit_xml([result]).encode()))
+    assert suite.name == "<b>Eve</b>" and suite.failures == 1
+    result.student = "=HYPERLINK(1)"
+    assert tables.grades_csv(assignment, [result], []).splitlines()[1].startswith("'=HYPERLINK")
+
+
+def test_an_open_verdict_is_neither_lost_nor_won(tmp_path) -> None:
+    found = json.loads(results_json(a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0)))
+    assert "score" not in found["tests"][0] and "status" not in found["tests"][0]
+    assert found["score"] == 0 and "4 points are open" in found["output"]
+    passed = json.loads(results_json(a_result(Outcome.PASS, "no bias")))
+    assert passed["tests"][0]["status"] == "passed" and passed["score"] == 4
+
+
+def test_overrides_stand_and_name_the_line_that_is_wrong(tmp_path) -> None:
+    assignment = read_assignment(written(tmp_path / "a.toml", TASKS))
+    path = written(tmp_path / "o.csv", "student,task,points,comment\n<b>Eve</b>,L1,3.5,late\n")
+    result = a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0)
+    tables.apply_overrides(result, tables.read_overrides(path, assignment))
+    assert result.total == 3.5 and not result.review and "late" in result.tasks[0].comment
+    for row, words in (("x,L9,1,", "o.csv:2: no task 'L9'"), ("x,L1,much,", "o.csv:2: 'much' is no number")):
+        with pytest.raises(NotFound, match=words):
+            tables.read_overrides(written(path, f"student,task,points,comment\n{row}\n"), assignment)
+
+
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A class of five, graded; the folder of its results."""
+    need(Tier.BUBBLEWRAP)
+    work = tmp_path_factory.mktemp("class")
+    asked = read_assignment(ROOT / "docs/lecture12.toml")
+    example_class.write(work / "class", asked, ("honest", "two-mistakes", "one-scene", "hopeless"))
+    (work / "class/one-scene").rename(work / "class/Jan de Vries_4711_assignsubmission_file")
+    written(work / "roster.csv", "student\nJan de Vries\nnobody\nhonest\n")
+    written(work / "small.toml", TASKS + AREA)
+    words = ["grade", "--assignment", str(work / "small.toml"), "--class", str(work / "class"), "--jobs", "1"]
+    words += ["--out", str(work / "out"), "--roster", str(work / "roster.csv")]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    again = CliRunner().invoke(app, words)
+    assert again.exit_code == 0
+    return work / "out"
+
+
+def test_a_class_is_graded_in_the_order_of_the_roster(graded: Path) -> None:
+    rows = list(csv.DictReader(io.StringIO((graded / "grades.csv").read_text(encoding="utf-8"))))
+    found = {row["student"]: (row["L1"], row["L3"], row["total"]) for row in rows}
+    assert found == {
+        "Jan de Vries": ("4", "0", "4"),
+        "nobody": ("", "", ""),
+        "honest": ("4", "6", "10"),
+        "hopeless": ("0", "0", "0"),
+        "two-mistakes": ("0", "0", "0"),
+    }
+    assert [row["student"] for row in rows][:3] == ["Jan de Vries", "nobody", "honest"]
+    comments = {row["student"]: row["comment"] for row in rows}
+    assert comments["hopeless"].startswith("the build failed: exit status 1; it said:")
+    assert "point-light" not in comments["honest"]
+
+
+def schema(path: str) -> jsonschema.Draft202012Validator:
+    found = json.loads((ROOT / path).read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(found)
+    return jsonschema.Draft202012Validator(found)
+
+
+def test_results_are_as_their_schemas_say(graded: Path) -> None:
+    """Gradescope's by its documentation; JUnit by a reader of it, with test names that are unique."""
+    gradescope, own = (
+        schema("tests/gradescope.schema.json"),
+        schema("src/raycheck/grading/result.schema.json"),
+    )
+    gradescope.validate(json.loads(failed_json("not finished")))
+    gradescope.validate(json.loads(results_json(a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0))))
+    assert not gradescope.is_valid({"tests": [{"score": 1, "status": "PASS"}]})
+    folders = list((graded / "students").iterdir())
+    assert len(folders) == 4
+    for folder in folders:
+        gradescope.validate(json.loads((folder / "results.json").read_text(encoding="utf-8")))
+        own.validate(json.loads((folder / "result.json").read_text(encoding="utf-8")))
+        cases = [case for suite in junitparser.JUnitXml.fromfile(folder / "junit.xml") for case in suite]
+        assert len({(case.classname, case.name) for case in cases}) == len(cases) > 0
+
+
+def test_gradescope_tells_students_nothing_of_hidden_scenes() -> None:
+    result = a_result(Outcome.FAIL, "33 % too bright; it said: camera at 1 2 3")
+    assert "camera at" in results_json(result)
+    result.tasks[0].scenes[0].hidden = True
+    told = results_json(result)
+    assert "camera at" not in told and "33 %" not in told
+    assert "point-light (hidden variant): FAIL" in told
+
+
+def test_a_package_for_gradescope_grades_by_itself(tmp_path) -> None:
+    """What is in the zip, without the checkout and without apt: once with time, and once with none."""
+    need(Tier.LANDLOCK)
+    source = tmp_path / "source"
+    package = tmp_path / "a.zip"
+    words = ["grade", "--package", "gradescope", "-o", str(package)]
+    done = CliRunner().invoke(app, [*words, "--assignment", str(written(tmp_path / "a.toml", TASKS))])
+    assert done.exit_code == 0, done.output
+    with zipfile.ZipFile(package) as archive:
+        archive.extractall(source)
+        modes = {name: archive.getinfo(name).external_attr >> 16 & 0o777 for name in package_scripts()}
+    assert modes == dict.fromkeys(package_scripts(), 0o755)
+    assert not list(source.rglob("*.pyc")) and (source / "assignment.private/secret").is_file()
+    for program in ("oneray", "oneray.bin", "lib/" + next((source / "oneray/lib").glob("ld-*")).name):
+        (source / "oneray" / program).chmod(0o755)
+    version = subprocess.run([source / "oneray/oneray", "--help"], capture_output=True, text=True)
+    assert "--spp" in version.stdout + version.stderr
+    example_class.write(tmp_path / "class", read_assignment(tmp_path / "a.toml"), ("one-scene",))
+    (tmp_path / "class/one-scene").rename(tmp_path / "submission")
+    (tmp_path / "results").mkdir()
+    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": str(source / "packages")}
+    results = []
+    for seconds in ("540", "0"):
+        words = [sys.executable, "-m", "raycheck.grading.autograder", tmp_path, "--seconds", seconds]
+        subprocess.run(words, check=True, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL)
+        results.append(json.loads((tmp_path / "results/results.json").read_text(encoding="utf-8")))
+    assert [found["score"] for found in results] == [4, 0]
+    assert "time for the whole grading" in json.dumps(results[1]) or "not finished" in json.dumps(results[1])
+
+
+def package_scripts() -> tuple[str, ...]:
+    return ("setup.sh", "run_autograder")
+
+
+def test_each_student_gets_a_page_with_the_reason_and_the_lecture_s_argument(graded: Path) -> None:
+    page = (graded / "students/two-mistakes/index.html").read_text(encoding="utf-8")
+    assert "too bright" in page and "The lecture's argument: " in page
+    assert "Divide by d²." in page and "data:image/png" in page and "http" not in page
+    whole = (graded / "index.html").read_text(encoding="utf-8")
+    assert "students/two-mistakes/index.html" in whole and "The build failed" not in whole
+
+
+def test_what_is_graded_is_kept_and_what_has_changed_is_graded_anew(graded: Path, monkeypatch) -> None:
+    work = graded.parent
+    before = (graded / "students/honest/result.json").stat().st_mtime_ns
+    assert StudentResult.read(graded / "students/honest/result.json").total == 10
+    written(work / "class/hopeless/note.txt", "changed")
+    words = ["grade", "--assignment", str(work / "small.toml"), "--class", str(work / "class"), "--jobs", "1"]
+    assert CliRunner().invoke(app, [*words, "--out", str(graded)]).exit_code == 0
+    assert (graded / "students/honest/result.json").stat().st_mtime_ns == before
+
+
+def test_without_a_sandbox_nothing_is_run(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(sandbox, "why_not", lambda tier: f"no {tier} here")
+    words = ["grade", "--assignment", str(written(tmp_path / "a.toml", TASKS)), str(tmp_path)]
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 2 and "landlock: no landlock here; " in done.output
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("tier", [Tier.BUBBLEWRAP, Tier.LANDLOCK])
+def test_attacks_get_no_points_and_disturb_nobody(tmp_path, tier) -> None:
+    need(tier)
+    tmp_path.chmod(0o755)
+    chosen = ("symlink", "hard-link", "fake-results", "background", "exr-bomb", "kills-grader", "hard-coded")
+    some = [one for one in attacks.read_attacks() if one.name in chosen]
+    assert len(some) == len(chosen)
+    for one in attacks.survive(some, tmp_path, tier, lambda _: None):
+        assert not one.problem, f"{one.name}: {one.problem}"
+
+
+def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:
+    reasons = (
+        "the image as a whole is 33 % ± 0.3 % too bright; x",
+        "the image as a whole is 4.1 % ± 2 % too bright",
+    )
+    results = [a_result(Outcome.FAIL, reason) for reason in reasons]
+    results[1].student = "Bob"
+    [cluster] = clusters(results)
+    assert cluster.what == "L1: the image as a whole is … too bright"
+    assert cluster.students == ["<b>Eve</b>", "Bob"]

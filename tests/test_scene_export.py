@@ -1,0 +1,65 @@
+"""raycheck scene: what it prints is the scene."""
+
+import json
+import subprocess
+
+import jsonschema
+import numpy as np
+import pytest
+
+from raycheck import references, scene_code, scene_export
+from raycheck.scene_reader import read_scene
+
+SCHEMA = jsonschema.Draft202012Validator(json.loads(scene_export.SCHEMA.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("of", references.ladder(), ids=lambda of: of.label)
+def test_every_scene_fits_the_schema(of: references.Variant) -> None:
+    SCHEMA.validate(json.loads(scene_export.to_json(scene_export.export(of))))
+
+
+def test_rays_between_the_corners_are_the_camera_s() -> None:
+    of = references.variant("lecture")
+    camera = read_scene(of.path).camera
+    data = scene_export.export(of)["camera"]
+    corner, right, below = (np.array(data[k]) for k in ("top_left", "top_right", "bottom_left"))
+    for x, y in ((0.0, 0.0), (13.0, 40.5), (camera.width, camera.height)):
+        way = corner + (right - corner) * x / camera.width + (below - corner) * y / camera.height
+        expected = camera.directions(np.array(x), np.array(y))
+        assert way / np.linalg.norm(way) == pytest.approx(expected, abs=1e-12)
+
+
+def test_six_faces_of_a_cube_look_outwards() -> None:
+    data = scene_export.export(references.variant("cornell-box"))
+    block = [p for p in data["primitives"] if p["type"] == "parallelogram"][5:11]
+    middles = [np.array(p["corner"]) + (np.array(p["edge_u"]) + np.array(p["edge_v"])) / 2 for p in block]
+    for face, middle in zip(block, middles, strict=True):
+        assert np.dot(face["normal"], middle - np.mean(middles, axis=0)) > 0
+        assert np.cross(face["edge_u"], face["edge_v"]) @ np.array(face["normal"]) > 0
+
+
+def test_triangles_have_the_mesh_s_normals_where_they_are_smooth() -> None:
+    data = scene_export.export(references.variant("smooth-mesh"))
+    smooth = [p for p in data["primitives"] if "vertex_normals" in p]
+    flat = [p for p in data["primitives"] if p["type"] == "triangle" and "vertex_normals" not in p]
+    assert smooth and flat
+    for p in smooth:
+        assert np.linalg.norm(p["vertex_normals"], axis=1) == pytest.approx(1.0)
+        assert (np.array(p["vertex_normals"]) @ np.array(p["normal"]) > 0.5).all()
+
+
+def test_the_header_compiles_and_has_every_primitive(tmp_path) -> None:
+    data = scene_export.export(references.variant("mixed-material"))
+    (tmp_path / "scene.hpp").write_text(scene_code.source(data, scene_code.CPP), encoding="utf-8")
+    program = """
+        #include <cstdio>
+        #include "scene.hpp"
+        using namespace scene;
+        int main()
+        { std::printf("%zu %zu %d", materials.size(), parallelograms.size(), materials[0].second); }
+    """
+    (tmp_path / "main.cpp").write_text(program, encoding="utf-8")
+    compiler = ["c++", "-std=c++17", "-Wall", "-Werror"]
+    subprocess.run([*compiler, "main.cpp", "-o", "main"], cwd=tmp_path, check=True)
+    said = subprocess.run(["./main"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert said == "6 5 3"
