@@ -64,7 +64,8 @@ def parse(of: Variant) -> Element:
 
 def emitters(root: Element) -> list[tuple[Element, Element]]:
     """(parent, emitter), in the order of the file."""
-    return [(parent, child) for parent in root.iter() for child in parent if child.tag == "emitter"]
+    parents = {child: parent for parent in root.iter() for child in parent}
+    return [(parents[emitter], emitter) for emitter in root.iter("emitter")]
 
 
 def light_names(root: Element) -> list[str]:
