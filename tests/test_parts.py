@@ -96,10 +96,10 @@ def test_what_no_part_explains_is_not_told(truth):
 
 
 def test_nothing_is_claimed_where_noise_hides_the_rest(truth):
-    """A tenth of the direct light, seen with a thousandth of the samples, could be something else too."""
+    """A tenth of the direct light, seen with a ten-thousandth of the samples, could be something else too."""
     error = -0.1 * template(Hypothesis("", "direct"))
     assert parts.explain(found(truth, error)) is not None
-    assert parts.explain(found(truth, error, samples=SAMPLES / 1000)) is None
+    assert parts.explain(found(truth, error, samples=SAMPLES / 10_000)) is None
 
 
 def test_nothing_is_known_of_other_scenes(truth):
