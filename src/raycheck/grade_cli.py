@@ -26,56 +26,64 @@ PLATFORM_SECONDS = 600.0
 """Gradescope's, by default."""
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
 
+Submitted = Annotated[
+    Path | None, typer.Argument(metavar="[SUBMISSION]", help="A folder or an archive (zip, tar).")
+]
+AssignmentFile = Annotated[Path | None, typer.Option(metavar="FILE.toml", help="What is asked.")]
+ClassFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--class", metavar="DIR", help="Grade all submissions in this folder; goes on where it was."
+    ),
+]
+Results = Annotated[Path, typer.Option(metavar="DIR", help="Where results go.")]
+Student = Annotated[str, typer.Option(metavar="NAME", help="Whose SUBMISSION it is.")]
+Roster = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.csv", help="Names in the order of grades.csv, in a column student."),
+]
+Overrides = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.csv", help="Points set by hand, in columns student,task,points,comment."),
+]
+Jobs = Annotated[int | None, typer.Option(min=1, help="Submissions at a time, one a core by default.")]
+Platform = Annotated[
+    str, typer.Option(metavar="gradescope", help="Instead: write an autograder for that platform.")
+]
+PackageFile = Annotated[Path, typer.Option("-o", metavar="FILE.zip", help="With --package: the file.")]
+NoSandbox = Annotated[
+    bool, typer.Option("--no-sandbox", help="Run submissions with your own rights: only what you trust.")
+]
+Check = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.toml", help="Instead: try an assignment out, with oneray as the student."),
+]
+PathsPerSecond = Annotated[float, typer.Option(min=1, help="With --check: of that student's program.")]
+PlatformLimit = Annotated[float, typer.Option(min=1, help="With --check: seconds that the platform allows.")]
+Mistakes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mutants", metavar="NAME", help="With --check: few, all, none, or a name of tests/mutants."
+    ),
+]
+
 
 def grade(
-    submission: Annotated[
-        Path | None, typer.Argument(metavar="[SUBMISSION]", help="A folder or an archive (zip, tar).")
-    ] = None,
-    assignment: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="What is asked.")] = None,
-    class_folder: Annotated[
-        Path | None,
-        typer.Option(
-            "--class", metavar="DIR", help="Grade all submissions in this folder; goes on where it was."
-        ),
-    ] = None,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where results go.")] = Path("grades"),
-    student: Annotated[str, typer.Option(metavar="NAME", help="Whose SUBMISSION it is.")] = "",
-    roster: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.csv", help="Names in the order of grades.csv, in a column student."),
-    ] = None,
-    overrides: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.csv", help="Points set by hand, in columns student,task,points,comment."),
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Submissions at a time, one a core by default.")
-    ] = None,
-    package: Annotated[
-        str, typer.Option(metavar="gradescope", help="Instead: write an autograder for that platform.")
-    ] = "",
-    package_file: Annotated[
-        Path, typer.Option("-o", metavar="FILE.zip", help="With --package: the file.")
-    ] = Path("autograder.zip"),
-    no_sandbox: Annotated[
-        bool, typer.Option("--no-sandbox", help="Run submissions with your own rights: only what you trust.")
-    ] = False,
-    check: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.toml", help="Instead: try an assignment out, with oneray as the student."),
-    ] = None,
-    paths_per_second: Annotated[
-        float, typer.Option(min=1, help="With --check: of that student's program.")
-    ] = STUDENT_SPEED,
-    limit: Annotated[
-        float, typer.Option(min=1, help="With --check: seconds that the platform allows.")
-    ] = PLATFORM_SECONDS,
-    mistakes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--mutants", metavar="NAME", help="With --check: few, all, none, or a name of tests/mutants."
-        ),
-    ] = None,
+    submission: Submitted = None,
+    assignment: AssignmentFile = None,
+    class_folder: ClassFolder = None,
+    out: Results = Path("grades"),
+    student: Student = "",
+    roster: Roster = None,
+    overrides: Overrides = None,
+    jobs: Jobs = None,
+    package: Platform = "",
+    package_file: PackageFile = Path("autograder.zip"),
+    no_sandbox: NoSandbox = False,
+    check: Check = None,
+    paths_per_second: PathsPerSecond = STUDENT_SPEED,
+    limit: PlatformLimit = PLATFORM_SECONDS,
+    mistakes: Mistakes = None,
 ) -> None:
     """Grade one SUBMISSION, or with --class all of a class. Exit status 0 when everything is graded, 3 if
     points are left open for a manual review, 2 if nothing could be graded.
