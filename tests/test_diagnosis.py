@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import diagnosis, lecture, mutants, references
+from raycheck import diagnose_cli, diagnosis, lecture, mutants, references, words
 from raycheck.evidence import evidence, fine_tiles
 from raycheck.images import write_pfm
 from raycheck.truth import truth_of
@@ -66,6 +66,32 @@ def test_what_nobody_has_catalogued_is_unknown(truth):
     error = enlarge(signs * np.ones(3), 64, 64) * truth.mean
     found = told(truth, error)
     assert found.significant and not found.known
+
+
+def test_a_mere_factor_is_no_mistake_of_another_strength(truth):
+    """All of the light three tenths too dark: mistakes that halve it are not it."""
+    found = told(truth, -0.3 * truth.mean)
+    assert found.guesses[0].fit > diagnosis.KNOWN and found.guesses[0].strength < 0.8
+    assert not found.known and found.explained
+    assert "since none has just this factor" in diagnose_cli.guesses(found)[0]
+
+
+def test_mistakes_that_look_alike_are_all_named(truth):
+    alike, _ = diagnosis.likely(evidence(SCENE, images(truth, signature("light-no-cosine")), truth))
+    assert {"light-no-cosine", "nee-no-cosine"} <= {mistake.name for mistake in alike}
+    assert words.suspicion(alike).startswith("; it looks like one of these mistakes: “")
+    assert words.suspicion(alike[:1]) == f"; it looks like this mistake: “{alike[0].mistake.rstrip('.')}”"
+
+
+def test_scenes_that_come_out_right_rule_mistakes_out(truth):
+    """A wrong area of square lamps leaves the light of balls as it is, another BRDF does not."""
+    balls = truth_of(references.load_reference("spherical-light"))
+    wrong = evidence(SCENE, images(truth, signature("rectangle-area")), truth)
+    alone = {guess.mistake.name: guess.fit for guess in diagnosis.diagnose([wrong]).guesses}
+    both = diagnosis.diagnose([wrong, evidence("spherical-light", images(balls), balls)])
+    assert alone["brdf-pi-twice"] > diagnosis.KNOWN
+    assert both.known and both.guesses[0].mistake.name == "rectangle-area"
+    assert "brdf-pi-twice" not in [guess.mistake.name for guess in both.guesses if guess.fit > 0.9]
 
 
 def test_without_its_signature_a_mistake_is_not_named(truth):
