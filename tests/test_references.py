@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from raycheck import closed_forms, mitsuba_reference, reference_making, references
+from raycheck import closed_form_store, closed_forms, mitsuba_reference, reference_making, references
 from raycheck.reference_making import relative_errors, skewness_tables, tile_means
 from raycheck.scene_reader import read_scene
 from raycheck.seeds import make_seeds
@@ -303,6 +303,26 @@ def test_there_is_no_closed_form_where_light_bounces_between_surfaces(name: str)
 def test_a_parameter_that_the_scene_lacks_is_an_error() -> None:
     with pytest.raises(ValueError, match="no parameter colour"):
         references.closed_form("furnace", {"colour": "1"})
+
+
+def test_kept_closed_forms_are_those_of_the_scenes_and_formulas_as_they_are() -> None:
+    """Renewed by raycheck reference --closed-forms; two that are quick to evaluate are compared."""
+    for file in sorted((references.references_dir() / "closed-forms").iterdir()):
+        of = references.variant(file.stem)
+        digest = closed_form_store.digest(references.scene_hash(of.path, of.parameters))
+        kept = closed_form_store.read(file, digest)
+        assert kept is not None, file.name
+        if file.stem in ("touching-light", "sphere-light-far"):
+            np.testing.assert_allclose(kept, closed_forms.evaluate(of.name, of.path, {}), rtol=1e-12)
+
+
+def test_a_closed_form_of_another_digest_is_not_used(tmp_path: Path) -> None:
+    of = references.variant("touching-light")
+    file = tmp_path / "kept/touching-light.npz"
+    assert closed_form_store.keep(file, "hash", of.path, {})
+    assert closed_form_store.read(file, closed_form_store.digest("hash")) is not None
+    assert closed_form_store.read(file, closed_form_store.digest("another")) is None
+    assert closed_form_store.read(tmp_path / "none.npz", closed_form_store.digest("hash")) is None
 
 
 def test_scenes_without_closed_form_say_so() -> None:

@@ -354,6 +354,9 @@ def reference(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Threads or processes, one a core by default.")
     ] = None,
+    closed_forms: Annotated[
+        bool, typer.Option("--closed-forms", help="Instead: evaluate those of the canonical scenes anew.")
+    ] = False,
 ) -> None:
     """Make the reference of a scene, after a time estimate. Those of your own scene files go into a folder
     "references" beside them.
@@ -361,6 +364,10 @@ def reference(
     goal = reference_making.Goal(
         image=image_error, tile=tile_error, checked_tile=2 * tile_error, most_seconds=seconds
     )
+    if closed_forms:
+        for label in references.keep_closed_forms():
+            typer.echo(label)
+        return
     with plain_errors():
         wanted = _wanted_references(scenes, parse_settings(settings), every)
         if not wanted:

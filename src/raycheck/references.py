@@ -12,7 +12,7 @@ import hashlib
 import json
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from raycheck import closed_forms
+from raycheck import closed_form_store, closed_forms
 
 Array = NDArray[np.float64]
 
@@ -260,7 +260,23 @@ def closed_form(scene: str | Variant, parameters: Mapping[str, str] | None = Non
 
 @functools.lru_cache(maxsize=64)
 def _closed_form(path: Path, parameters: tuple[tuple[str, str], ...]) -> Array | None:
-    return closed_forms.evaluate(path.stem, path, dict(parameters))
+    of = Variant(path, dict(parameters))
+    digest = closed_form_store.digest(scene_hash(path, of.parameters))
+    kept = closed_form_store.read(closed_form_file(of), digest)
+    return closed_forms.evaluate(path.stem, path, of.parameters) if kept is None else kept
+
+
+def closed_form_file(of: Variant) -> Path:
+    """Where that of a canonical scene is kept, if it takes its time."""
+    return references_dir() / "closed-forms" / f"{of.label}.npz"
+
+
+def keep_closed_forms() -> Iterator[str]:
+    """Evaluate those of all canonical scenes and depths anew, and keep them; the labels of those kept."""
+    for of in ladder():
+        content = scene_hash(of.path, of.parameters)
+        if closed_form_store.keep(closed_form_file(of), content, of.path, of.parameters):
+            yield of.label
 
 
 def read_exr(path: Path) -> Array:

@@ -1,0 +1,55 @@
+"""Closed forms of the canonical scenes, kept: some take ten seconds to evaluate, more than a verdict does.
+
+`references/closed-forms/LABEL.npz` has the pixel means in double precision, and a digest of the scene, its
+parameters and the modules that evaluate it. Where any of them has changed it is evaluated anew
+(`raycheck reference --closed-forms` keeps that).
+"""
+
+import hashlib
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck import closed_forms
+
+Array = NDArray[np.float64]
+
+MODULES = ("closed_forms.py", "solids.py", "pixel_quadrature.py", "scene_reader.py")
+"""Whose text decides what comes out."""
+WORTH_KEEPING = 0.1
+"""Seconds of evaluation from which a closed form is kept."""
+
+
+def digest(scene_hash: str) -> str:
+    """Of a scene with its parameters, and of what evaluates it; line ends do not matter."""
+    found = hashlib.sha256(scene_hash.encode())
+    for name in MODULES:
+        found.update((Path(__file__).parent / name).read_bytes().replace(b"\r\n", b"\n"))
+    return found.hexdigest()
+
+
+def read(file: Path, wanted: str) -> Array | None:
+    """(H, W, 3); None if there is none, or one of another digest."""
+    if not file.is_file():
+        return None
+    with np.load(file) as arrays:
+        return arrays["image"] if str(arrays["digest"]) == wanted else None
+
+
+def keep(file: Path, scene_hash: str, scene: Path, parameters: Mapping[str, str]) -> bool:
+    """Evaluate one and keep it if that takes its time; whether it did."""
+    started = time.perf_counter()
+    image = closed_forms.evaluate(scene.stem, scene, parameters)
+    if image is None or time.perf_counter() - started < WORTH_KEEPING:
+        file.unlink(missing_ok=True)
+        return False
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=file.parent) as scratch:
+        partial = Path(scratch) / file.name
+        np.savez_compressed(partial, image=image, digest=np.array(digest(scene_hash)))
+        partial.replace(file)
+    return True
