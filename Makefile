@@ -158,6 +158,7 @@ test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
 
 references: $(BUILD)/.system-test $(VENV)/.test
 	$(PYTHON) scripts/make_references.py
+	$(RAYCHECK) reference --closed-forms
 
 thorough: $(BUILD)/.system $(VENV)/.demo
 	$(MAKE) all
