@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from make_thousand_lights import HEAD, LAMP
 from numpy.typing import NDArray
+from scene_text import sensor
 
 ROOT = Path(__file__).resolve().parent.parent
 NO_ROULETTE = 1_000_000
@@ -45,26 +46,15 @@ BLOCK = """    <shape type="cube">
     </shape>
 """
 
-BALL = """<scene version="3.0.0">
+BALL = (
+    """<scene version="3.0.0">
     <integrator type="path">
         <integer name="max_depth" value="6"/>
         <integer name="rr_depth" value="5"/>
     </integrator>
-    <sensor type="perspective">
-        <float name="fov" value="40"/>
-        <string name="fov_axis" value="x"/>
-        <transform name="to_world">
-            <lookat origin="0, -4.2, 2.2" target="0, 0, 0.85" up="0, 0, 1"/>
-        </transform>
-        <film type="hdrfilm">
-            <integer name="width" value="128"/>
-            <integer name="height" value="128"/>
-            <string name="pixel_format" value="rgb"/>
-            <string name="component_format" value="float32"/>
-            <rfilter type="box"/>
-        </film>
-        <sampler type="independent"><integer name="sample_count" value="64"/></sampler>
-    </sensor>
+"""
+    + sensor("40", "0, -4.2, 2.2", "0, 0, 0.85", 128)
+    + """\
     <bsdf type="diffuse" id="floor"><rgb name="reflectance" value="0.7, 0.69, 0.66"/></bsdf>
     <bsdf type="diffuse" id="ball"><rgb name="reflectance" value="0.8, 0.5, 0.3"/></bsdf>
     <bsdf type="diffuse" id="black"><rgb name="reflectance" value="0"/></bsdf>
@@ -89,6 +79,7 @@ BALL = """<scene version="3.0.0">
     </shape>
 </scene>
 """
+)
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,7 @@ RendererCommand = Annotated[
 Pictures = Annotated[
     str | None, typer.Option(metavar="GLOB", help="Judge pictures of one SCENE that are already rendered.")
 ]
-JsonFile = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")
-]
+JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")]
 JunitFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Also write the verdicts here as JUnit XML, for CI.")
 ]
@@ -82,9 +80,7 @@ RaceSeconds = Annotated[
 RaceMinutes = Annotated[
     float | None, typer.Option(min=0.1, help="Lower --seconds so that all races are done in this time.")
 ]
-Core = Annotated[
-    int | None, typer.Option(help="The core that renderers are pinned to; by default the last.")
-]
+Core = Annotated[int | None, typer.Option(help="The core that renderers are pinned to; by default the last.")]
 ReportFolder = Annotated[
     Path,
     typer.Option(

@@ -234,9 +234,7 @@ def explain(found: Evidence) -> Explanation | None:
 
 def _better(fit: _Fit, families: Iterable[_Fit]) -> bool:
     """Does any family explain more than chance lets it?"""
-    return any(
-        fit.chi - family.chi > special.chdtri(len(family.parts), BY_CHANCE) for family in families
-    )
+    return any(fit.chi - family.chi > special.chdtri(len(family.parts), BY_CHANCE) for family in families)
 
 
 def _explanation(fit: _Fit, other: Hypothesis | None = None) -> Explanation | None:

@@ -63,8 +63,26 @@ def split_command(command: str, windows: bool = os.name == "nt") -> list[str]:
         raise NotFound(f"the renderer command cannot be split: {error} in {command!r}") from None
 
 
+class TakesPlaceholders:
+    """What a command takes, by its words."""
+
+    words: Sequence[str]
+
+    def takes(self, *placeholders: str) -> bool:
+        """Any of them?"""
+        return any(placeholder in word for word in self.words for placeholder in placeholders)
+
+    @property
+    def takes_spp(self) -> bool:
+        return self.takes("{spp}")
+
+    @property
+    def takes_seed(self) -> bool:
+        return self.takes("{seed}")
+
+
 @dataclass(frozen=True)
-class Command:
+class Command(TakesPlaceholders):
     """A program that writes {output}, and where it can takes {scene}, {spp} and {seed}.
 
     Placeholders are replaced after splitting, so that paths with spaces stay one argument.
@@ -77,24 +95,14 @@ class Command:
         words = tuple(split_command(command))
         if not words:
             raise NotFound("the renderer command is empty")
-        if not any("{output}" in word for word in words):
+        found = cls(words)
+        if not found.takes("{output}"):
             raise NotFound("the renderer command has no {output}: say where it writes its image")
-        return cls(words)
-
-    def _takes(self, placeholder: str) -> bool:
-        return any(placeholder in word for word in self.words)
+        return found
 
     @property
     def takes_scene(self) -> bool:
-        return self._takes("{scene}")
-
-    @property
-    def takes_spp(self) -> bool:
-        return self._takes("{spp}")
-
-    @property
-    def takes_seed(self) -> bool:
-        return self._takes("{seed}")
+        return self.takes("{scene}")
 
     def arguments(self, scene: Path, output: Path, spp: int, seed: int) -> list[str]:
         """The words of one run."""

@@ -16,7 +16,7 @@ from raycheck.grading.assignment import Limits
 from raycheck.grading.pixels import take_picture
 from raycheck.grading.sandbox import Jail
 from raycheck.references import Variant
-from raycheck.renderers import RenderError, Rendering, RenderTimeout, split_command
+from raycheck.renderers import RenderError, Rendering, RenderTimeout, TakesPlaceholders, split_command
 from raycheck.scene_reader import read_scene
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ class Taken:
 
 
 @dataclass
-class Program(Taken):
+class Program(Taken, TakesPlaceholders):
     """The run command on one scene; a renderer as raycheck.verify takes it."""
 
     jail: Jail
@@ -97,11 +97,8 @@ class Program(Taken):
 
     def __post_init__(self) -> None:
         self.words = split_command(self.command)
-        if not any("{output}" in word for word in self.words):
+        if not self.takes("{output}"):
             raise RenderError("the run command has no {output}: say where the picture is to be written")
-
-    def _takes(self, *placeholders: str) -> bool:
-        return any(p in word for word in self.words for p in placeholders)
 
     @property
     def takes_scene(self) -> bool:
@@ -110,15 +107,7 @@ class Program(Taken):
     @property
     def reads_scene(self) -> bool:
         """It renders scenes that are not in its source."""
-        return self._takes("{scene}", "{json}")
-
-    @property
-    def takes_spp(self) -> bool:
-        return self._takes("{spp}")
-
-    @property
-    def takes_seed(self) -> bool:
-        return self._takes("{seed}")
+        return self.takes("{scene}", "{json}")
 
     @property
     def limits(self) -> Limits:
