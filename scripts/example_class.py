@@ -5,11 +5,13 @@ mistake, pictures instead of a program, the handout as it is, and every attack o
     raycheck grade --assignment assignment.toml --class class --out grades
     example_class.py --compare grades/grades.csv earlier/grades.csv
 
-The last prints where two tables of grades differ: points, verdicts, totals.
+The last prints where two tables of grades differ: points, verdicts, totals; comments hold figures, and only
+those of attacks are looked at, for the reason.
 """
 
 import argparse
 import csv
+import re
 import shutil
 import subprocess
 import sys
@@ -44,14 +46,19 @@ def write(folder: Path, assignment: Assignment, only: Sequence[str] = ()) -> Non
 def writers(assignment: Assignment) -> dict[str, Callable[[Path], None]]:
     """What makes each submission, by its name."""
     tables = tomllib.loads((SUBMISSIONS / "mistakes.toml").read_text(encoding="utf-8"))
-    found = {name: lambda to, t=table: _mistaken(to, t["changes"]) for name, table in tables.items()}
+    found = {
+        name: lambda to, t=table: _mistaken(to, t["changes"], t.get("tasks"))
+        for name, table in tables.items()
+    }
     found |= {"honest": _honest, "one-scene": _one_scene, "hopeless": _hopeless}
     for name in ("pictures", "pictures-of-another"):
         found[name] = lambda to, n=name: _pictures(to, assignment, step=n != "pictures")
     found["handout"] = lambda to: write_handout(assignment, to)
     found["handout-solved"] = lambda to: _oneray(to, assignment, None)
-    for patch, name in (("light-path-no-cosine", "light"), ("learned-floor", "nee-learned")):
-        found[f"oneray-{patch}"] = lambda to, p=patch, n=name: _oneray(to, assignment, p, n)
+    for patch, name, tasks in (
+        ("light-path-no-cosine", "light", ("L2", "L7")), ("learned-floor", "nee-learned", ("L4", "L6")),
+    ):  # fmt: skip
+        found[f"oneray-{patch}"] = lambda to, p=patch, n=name, t=tasks: _oneray(to, assignment, p, n, t)
     return found | {one.name: lambda to, a=one: attacks.hand_in(a, to) for one in attacks.read_attacks()}
 
 
@@ -59,7 +66,7 @@ def _honest(folder: Path) -> None:
     shutil.copytree(SUBMISSIONS / "honest", folder)
 
 
-def _mistaken(folder: Path, changes: list[list[str]]) -> None:
+def _mistaken(folder: Path, changes: list[list[str]], tasks: list[str] | None) -> None:
     _honest(folder)
     source = folder / "render.cpp"
     text = source.read_text(encoding="utf-8")
@@ -68,6 +75,23 @@ def _mistaken(folder: Path, changes: list[list[str]]) -> None:
             raise ValueError(f"{source}: {right!r} stands there {text.count(right)} times, once is needed")
         text = text.replace(right, wrong)
     source.write_text(text, encoding="utf-8")
+    if tasks:
+        manifest = folder / "raycheck.toml"
+        run = 'run = "sh render.sh {task} {json} {spp} {seed} {output}"\n'
+        build = manifest.read_text(encoding="utf-8").splitlines(keepends=True)[0]
+        manifest.write_text(build + run, encoding="utf-8")
+        _render_some(folder, tasks, './render "$2" "$3" "$4" "$5"')
+
+
+def _render_some(folder: Path, tasks: Sequence[str], command: str) -> None:
+    """render.sh TASK …: of a student who got to these tasks."""
+    script = f"""\
+case $1 in
+{"|".join(tasks)}) exec {command} ;;
+*) echo "$1 is not written yet" >&2; exit 1 ;;
+esac
+"""
+    (folder / "render.sh").write_text(script, encoding="utf-8")
 
 
 def _one_scene(folder: Path) -> None:
@@ -104,8 +128,10 @@ def _render_variant(folder: Path, assignment: Assignment, task: Task, student: s
         subprocess.run(words, check=True)
 
 
-def _oneray(folder: Path, assignment: Assignment, patch: str | None, name: str = "") -> None:
-    """The handout with everything in it, or with a mistake, in the tasks' techniques or always in one."""
+def _oneray(
+    folder: Path, assignment: Assignment, patch: str | None, name: str = "", tasks: Sequence[str] = ()
+) -> None:
+    """The handout with everything in it, or with a mistake, in the tasks' techniques or in one for some."""
     with tempfile.TemporaryDirectory() as place:
         write_handout(assignment, Path(place) / "handout")
         shutil.copytree(Path(place) / "handout", folder)
@@ -114,17 +140,23 @@ def _oneray(folder: Path, assignment: Assignment, patch: str | None, name: str =
         mutants.apply(mutants.read(mutants.FOLDER / f"{patch}.patch"), folder)
     if name:
         options = " ".join(technique(name).options)
-        script = f'exec build/oneray "$2" --spp "$3" --seed "$4" -o "$5" --quiet {options}\n'
-        (folder / "render.sh").write_text(script, encoding="utf-8")
+        command = 'build/oneray "$2" --spp "$3" --seed "$4" -o "$5" --quiet'
+        _render_some(folder, tasks, f"{command} {options}")
 
 
 def differences(found: Path, expected: Path) -> list[str]:
-    """Where two tables of grades say something else, a line each: points, verdicts, totals."""
+    """Where two tables of grades say something else, a line each: points, verdicts, totals, and the reasons
+    that hostile submissions must get.
+    """
     ours, theirs = _table(found), _table(expected)
+    reasons = {one.name: one.reason for one in attacks.read_attacks()} | attacks.ARCHIVES
     lines = [f"{name}: in {expected} alone" for name in theirs if name not in ours]
     lines += [f"{name}: in {found} alone" for name in ours if name not in theirs]
     for name in ours.keys() & theirs.keys():
-        for column in theirs[name]:
+        comment = ours[name].pop("comment", "")
+        if not re.search(reasons.get(name, ""), comment):
+            lines.append(f"{name}: the comment does not say {reasons[name]!r}: {comment}")
+        for column in theirs[name].keys() - {"comment"}:
             if ours[name].get(column) != theirs[name][column]:
                 lines.append(
                     f"{name}, {column}: {ours[name].get(column)!r}, {theirs[name][column]!r} is expected"
@@ -133,9 +165,9 @@ def differences(found: Path, expected: Path) -> list[str]:
 
 
 def _table(path: Path) -> dict[str, dict[str, str]]:
-    """The rows of a grades.csv by student, without the comments, whose figures are other ones each time."""
+    """The rows of a grades.csv by student."""
     with path.open(encoding="utf-8", newline="") as file:
-        rows = [{k: v for k, v in row.items() if k != "comment"} for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
     return {row.pop("student"): row for row in rows}
 
 

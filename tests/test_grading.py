@@ -5,10 +5,12 @@ import io
 import json
 import os
 import re
+import signal
 import socket
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import jsonschema
@@ -24,7 +26,7 @@ from raycheck.grading.assignment import Limits, read_assignment
 from raycheck.grading.gradescope import failed_json, results_json
 from raycheck.grading.keys import Keys, read_keys
 from raycheck.grading.pages import clusters, student_page
-from raycheck.grading.pixels import take_picture
+from raycheck.grading.pixels import Decoder, take_picture
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.sandbox import Jail, Tier
 from raycheck.grading.submission import SubmissionError, open_submission
@@ -109,7 +111,13 @@ def test_a_folder_in_an_archive_is_the_submission(tmp_path) -> None:
     assert found.folder == tmp_path / "into/mine" and found.run == "./mine {output}"
 
 
-def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path) -> None:
+@pytest.fixture
+def decoder() -> Iterator[Decoder]:
+    with Decoder() as one:
+        yield one
+
+
+def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path, decoder: Decoder) -> None:
     out, private = tmp_path / "out", tmp_path / "private"
     out.mkdir()
     private.mkdir()
@@ -117,7 +125,7 @@ def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path) -> Non
 
     def refused(words: str) -> None:
         with pytest.raises(RenderError, match=words):
-            take_picture(out, private, 1 << 20, (4, 4))
+            take_picture(out, private, 1 << 20, (4, 4), decoder)
         picture.rmdir() if picture.is_dir() else picture.unlink(missing_ok=True)
 
     refused("was not written")
@@ -138,7 +146,20 @@ def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path) -> Non
     write_exr(picture, dict.fromkeys("RGB", np.ones((8, 4))))
     refused("4×8 pixels, the scene asks for 4×4")
     write_exr(picture, dict.fromkeys("RGB", np.full((4, 4), 0.5)))
-    assert (take_picture(out, private, 1 << 20, (4, 4)).pixels == 0.5).all()
+    assert (take_picture(out, private, 1 << 20, (4, 4), decoder).pixels == 0.5).all()
+
+
+def test_a_decoder_that_did_not_survive_is_replaced(tmp_path, decoder: Decoder) -> None:
+    picture = tmp_path / "picture.exr"
+    write_exr(picture, dict.fromkeys("RGB", np.full((4, 4), 0.5)))
+    decoder.read(picture, (4, 4))
+    first = decoder.process.pid
+    decoder.read(picture, (4, 4))
+    assert decoder.process.pid == first
+    os.kill(first, signal.SIGKILL)
+    with pytest.raises(RenderError, match="decoding it crashed"):
+        decoder.read(picture, (4, 4))
+    assert (decoder.read(picture, (4, 4)).pixels == 0.5).all()
 
 
 TIERS = [tier for tier in Tier if tier is not Tier.NONE]

@@ -26,8 +26,9 @@ def exposure(reference: Array) -> float:
 
 
 def display(linear: Array, factor: float = 1.0) -> Bytes:
-    """Linear (H, W, 3), times `factor`, as 8-bit sRGB; brighter than white is clipped."""
-    return np.round(encode_srgb(linear * factor) * 255).astype(np.uint8)
+    """Linear (H, W, 3), times `factor`, as 8-bit sRGB; brighter than white is clipped, NaN is black."""
+    shown = np.nan_to_num(linear * factor, nan=0.0, posinf=1.0, neginf=0.0)
+    return np.round(encode_srgb(shown) * 255).astype(np.uint8)
 
 
 def error_map(ours: Array, reference: Array, error: Array) -> Bytes:
@@ -43,10 +44,10 @@ def error_map(ours: Array, reference: Array, error: Array) -> Bytes:
 
 
 def colour(z: Array) -> Bytes:
-    """Values in standard errors (…) to (…, 3) 8-bit colours, clipped at ±RANGE."""
+    """Values in standard errors (…) to (…, 3) 8-bit colours, clipped at ±RANGE; NaN is black."""
     place = (np.clip(z, -RANGE, RANGE) + RANGE) / (2 * RANGE) * (len(STOPS) - 1)
     channels = [np.interp(place, np.arange(len(STOPS)), STOPS[:, c]) for c in range(3)]
-    return np.round(np.stack(channels, axis=-1) * 255).astype(np.uint8)
+    return np.round(np.nan_to_num(np.stack(channels, axis=-1)) * 255).astype(np.uint8)
 
 
 def legend() -> Bytes:

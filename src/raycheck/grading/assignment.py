@@ -1,5 +1,6 @@
 """What is asked: the TOML file of an assignment, checked key by key."""
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
@@ -39,6 +40,10 @@ class Task:
     """For noise no worse than that technique's."""
     noise_limit: float = 2.0
     """Variance of a sample, over oneray's, up to which the noise points are earned."""
+    speed_points: float = math.nan
+    """For speed beside oneray's technique in the same jail; 0 shows it only, NaN does not measure it."""
+    speed_limit: float = 20.0
+    """Times oneray's seconds up to which the speed points are earned."""
     functions: tuple[str, ...] = ()
     """Of oneray: those that the task needs and that the handout leaves to the student."""
     accepts: str = PROGRAM
@@ -52,7 +57,11 @@ class Task:
 
     @property
     def most(self) -> float:
-        return self.points + self.noise_points
+        return self.points + self.noise_points + (self.speed_points if self.measures_speed else 0.0)
+
+    @property
+    def measures_speed(self) -> bool:
+        return not math.isnan(self.speed_points)
 
 
 @dataclass(frozen=True)
@@ -129,8 +138,11 @@ def _task(table: Mapping[str, Any], where: str) -> Task:
         raise NotFound(f'{where}: accepts is "{PROGRAM}" or "{PICTURES}", variants ≥ 1')
     if task.accepts == PICTURES and len(task.scenes) != 1:
         raise NotFound(f"{where}: a task that accepts pictures has one scene")
-    if task.noise_points and not task.technique:
-        raise NotFound(f"{where}: noise_points need the technique of oneray to compare with")
+    for points, key in ((task.noise_points, "noise_points"), (task.speed_points, "speed_points")):
+        if points < 0:
+            raise NotFound(f"{where}: {key} is {points:g}, at least 0 is wanted")
+        if key in table and not task.technique:
+            raise NotFound(f"{where}: {key} need the technique of oneray to compare with")
     return task
 
 

@@ -42,6 +42,13 @@ spp = 4
 HONEST_RUN = "./floor honest {spp} {seed} {output}"
 HONEST_BUILD = "gcc -O1 -o floor floor.c -lm"
 
+ARCHIVES = {
+    "climbs-out": "leads out of the submission", "zip-bomb": "unpacks to more than", "zip-link": "is a link",
+    "tar-link": "is a link or a device", "tar-device": "is a link or a device",
+    "cut-short": "neither a folder nor",
+}  # fmt: skip
+"""What `hostile_archives` makes, and the words of the reasons."""
+
 
 @dataclass(frozen=True)
 class Attack:
@@ -125,11 +132,7 @@ def hostile_archives(folder: Path) -> dict[str, str]:
     with zipfile.ZipFile(whole, "w") as archive:
         archive.writestr("raycheck.toml", 'run = "x {output}"')
     (folder / "cut-short.zip").write_bytes(whole.getvalue()[:-30])
-    return {
-        "climbs-out": "leads out of the submission", "zip-bomb": "unpacks to more than",
-        "zip-link": "is a link", "tar-link": "is a link or a device", "tar-device": "is a link or a device",
-        "cut-short": "neither a folder nor",
-    }  # fmt: skip
+    return ARCHIVES
 
 
 def _judge(name: str, expected: str, result: StudentResult) -> Survived:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raycheck import references
 from raycheck.grading.hidden import look_at, with_reference
-from raycheck.grading.pixels import read_picture
+from raycheck.grading.pixels import Decoder
 from raycheck.images import Image
 from raycheck.reference_making import tile_means
 from raycheck.references import Variant
@@ -30,14 +30,14 @@ NEARER = 0.5
 
 def judge(
     files: Sequence[Path], own: Variant, others: Sequence[tuple[Variant, str]], limits: Limits,
-    most_bytes: int, size: tuple[int, int],
+    most_bytes: int, size: tuple[int, int], decoder: Decoder,
 ) -> tuple[Case, list[Array]]:  # fmt: skip
     """The verdict, and the pictures (H, W, 3). `others` are scenes that they may show by mistake, and what to
     say then. RenderError for a file that is no picture of that height and width.
     """
     if len(files) > MOST:
         raise RenderError(f"{len(files)} pictures are handed in, at most {MOST} are read")
-    loaded = [_read(file, most_bytes, size) for file in files]
+    loaded = [_read(file, most_bytes, size, decoder) for file in files]
     case = judge_pictures(with_reference(own), loaded, [file.name for file in files], limits)
     images = [image.pixels for image in loaded]
     if case.verdict is Outcome.FAIL:
@@ -46,11 +46,11 @@ def judge(
     return case, images
 
 
-def _read(file: Path, most_bytes: int, size: tuple[int, int]) -> Image:
+def _read(file: Path, most_bytes: int, size: tuple[int, int], decoder: Decoder) -> Image:
     if file.stat().st_size > most_bytes:
         raise RenderError(f"{file.name} has {file.stat().st_size} bytes, at most {most_bytes} are read")
     try:
-        return read_picture(file, size)
+        return decoder.read(file, size)
     except RenderError as error:
         raise RenderError(f"{file.name}: {str(error).replace('{output}', 'it')}") from None
 

@@ -11,15 +11,17 @@ import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import checks, lecture, pictures, references
-from raycheck.grading import handed_in, noise
-from raycheck.grading.assignment import PICTURES, REVIEW, Assignment, Task
+from raycheck.grading import handed_in, noise, points, speed
+from raycheck.grading.assignment import PICTURES, Assignment, Task
 from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
+from raycheck.grading.pixels import Decoder
 from raycheck.grading.program import Program, build, write_scene
 from raycheck.grading.results import (
     NOT_EXECUTED,
@@ -48,6 +50,7 @@ LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
 """Pictures of a look."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
 PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
+NOT_TRIED = "not tried: the scene that this is a variant of fails"
 OVER = "the time for the whole grading was over before this scene"
 FEW_IMAGES = 8
 MORE = 4
@@ -103,25 +106,28 @@ class Grader:
         command = "" if submission.pictures_alone else submission.run or self.assignment.run
         if not command and not submission.pictures_alone:
             raise SubmissionError('there is no run command: write run = "…" into raycheck.toml')
-        to_build = submission.build or self.assignment.build
+        to_build = self.assignment.build if submission.build is None else submission.build
         problem = build(jail, submission.folder, to_build) if command else ""
         if problem:
             result = failed_everything(self.assignment, student, problem, jail.describe())
         else:
-            tasks = [
-                self._pictures(task, submission, student)
-                if task.accepts == PICTURES and submission.pictures(task.id)
-                else self._task(task, submission, command, digest, jail, place)
-                for task in self.assignment.tasks
-            ]
+            with Decoder() as decoder:
+                attempt = Attempt(student, submission, command, digest, jail, place, decoder)
+                tasks = [
+                    self._pictures(task, attempt)
+                    if task.accepts == PICTURES and submission.pictures(task.id)
+                    else self._task(task, attempt)
+                    for task in self.assignment.tasks
+                ]
             result = StudentResult(student, self.assignment.name, tasks, jail.describe())
         result.digest, result.state = digest, self.state(digest)
         return result
 
-    def _pictures(self, task: Task, submission: Submission, student: str) -> TaskResult:
+    def _pictures(self, task: Task, attempt: "Attempt") -> TaskResult:
         """Points for pictures that were handed in."""
         started = time.perf_counter()
-        of, files = self.assignment.scene(task.scenes[0]), submission.pictures(task.id)
+        student, files = attempt.student, attempt.submission.pictures(task.id)
+        of = self.assignment.scene(task.scenes[0])
         pool = picture_pool(self.assignment, self.keys, task)
         own = pool[pool_index(of, student, task.variants, self.keys)]
         others = [(one, OTHER) for one in pool if one != own] + [(of, PUBLISHED)]
@@ -130,13 +136,13 @@ class Grader:
         most, size = self.assignment.limits.output_mb << 20, (entry["height"], entry["width"])
         name = f"{of.label} (variant of {student})"
         try:
-            case, images = handed_in.judge(files, own, others, limits, most, size)
+            case, images = handed_in.judge(files, own, others, limits, most, size, attempt.decoder)
             scene = _scene_result(name, False, case, 1)
             scene.pictures = _pictures(images, own, secret=True)
         except RenderError as error:
             scene = SceneResult(name, False, Outcome.FAIL, str(error))
         scene.seconds = round(time.perf_counter() - started, 1)
-        result = self._points(task, [scene])
+        result = points.earned(self.assignment, task, [scene])
         result.executed = False
         many = f"{len(files)} picture{'s' if len(files) > 1 else ''} handed in"
         noisy = ", which earn no points for noise" if task.noise_points else ""
@@ -148,38 +154,44 @@ class Grader:
         what = (raycheck_version(), self.assignment, self.keys.secret.hex(), self.tier, digest)
         return hashlib.sha256(repr(what).encode()).hexdigest()
 
-    def _task(
-        self, task: Task, submission: Submission, command: str, digest: str, jail: Jail, place: Path
-    ) -> TaskResult:
-        if not command:
+    def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
+        if not attempt.command:
             what = f"pictures/{task.id}, which is empty" if task.accepts == PICTURES else "a program"
             nothing = SceneResult(task.scenes[0], False, Outcome.FAIL, f"this task asks for {what}")
-            return self._points(task, [nothing])
-        scenes = []
+            return points.earned(self.assignment, task, [nothing])
+        scenes, jail = [], attempt.jail
         for number, (of, name, hidden) in enumerate(self.scenes[task.id]):
+            if hidden and scenes[-1].verdict is Outcome.FAIL:
+                scenes.append(SceneResult(name, True, Outcome.FAIL, NOT_TRIED))
+                continue
             if jail.left() <= 0:
                 scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, OVER))
                 continue
             jail = jail.within(jail.left())
-            work = place / f"{task.id}-{number}".replace("/", "_")
+            work = attempt.place / f"{task.id}-{number}".replace("/", "_")
             (work / "scratch").mkdir(parents=True, mode=0o711)
             size = write_scene(of, name, work / "scene")
-            purpose = f"{task.id}/{of.label}/{digest if hidden else ''}"
+            purpose = f"{task.id}/{of.label}/{attempt.digest if hidden else ''}"
             try:
                 program = Program(
-                    jail, submission.folder, command, work / "scene", name, size, task.id, work / "scratch"
-                )
+                    jail, attempt.submission.folder, attempt.command, work / "scene", name, size, task.id,
+                    work / "scratch", attempt.decoder,
+                )  # fmt: skip
                 if hidden and not program.reads_scene:
                     scenes.append(SceneResult(name, True, Outcome.FAIL, UNREADABLE))
                     continue
-                scenes.append(self.judge(task, of, name, hidden, program, purpose))
-                made = max(program.pictures.values(), key=len, default=[])
-                scenes[-1].pictures = _pictures(made, of, secret=hidden)
+                found = self.judge(task, of, name, hidden, program, purpose)
+                found.pictures = _pictures(
+                    max(program.pictures.values(), key=len, default=[]), of, secret=hidden
+                )
+                if task.measures_speed and not hidden and found.verdict is Outcome.PASS:
+                    found.speed = self._speed(task, program, purpose)
+                scenes.append(found)
             except RenderTimeout as error:
                 scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error)))
             except (RenderError, NotFound) as error:
                 scenes.append(SceneResult(name, hidden, Outcome.FAIL, str(error)))
-        return self._points(task, scenes)
+        return points.earned(self.assignment, task, scenes)
 
     def judge(
         self, task: Task, of: Variant, name: str, hidden: bool, program: Program | Simulated, purpose: str
@@ -217,6 +229,15 @@ class Grader:
             found.noise = asdict(compared) if compared else None
         return found
 
+    def _speed(self, task: Task, program: Program, purpose: str) -> dict[str, Any] | None:
+        """With the samples of a longer look where there is time: the less weighs the program's start."""
+        spp = task.spp
+        if program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS):
+            spp *= MORE
+        seeds = make_seeds(f"{purpose}/{self.keys.number(purpose, hidden=False)}/speed", speed.PAIRS)
+        compared = speed.compare(program, spp, task.technique, seeds)
+        return asdict(compared) if compared else None
+
     def _stuck_noise(self, spp: int, of: Variant, hidden: bool, program: Program, purpose: str) -> str | None:
         """What is wrong where {spp} changes nothing: four times the samples have a quarter of the noise."""
         many = MORE * spp
@@ -231,26 +252,18 @@ class Grader:
         means = [region_means(np.stack(program.pictures[n]), regions) for n in (spp, many)]
         return checks.stuck_noise(means[0], spp, means[1], many)
 
-    def _points(self, task: Task, scenes: list[SceneResult]) -> TaskResult:
-        outcomes = [scene.verdict for scene in scenes]
-        share = task.points / len(scenes)
-        points = share * outcomes.count(Outcome.PASS)
-        waiting = share * outcomes.count(Outcome.INCONCLUSIVE)
-        verdict = next((o for o in (Outcome.FAIL, Outcome.INCONCLUSIVE) if o in outcomes), Outcome.PASS)
-        quiet = 0.0
-        comment = ""
-        if task.noise_points:
-            noisy = [s for s in scenes if s.noise and s.noise["low"] > task.noise_limit]
-            judged = [s for s in scenes if s.noise]
-            quiet = task.noise_points if judged and not noisy and verdict is not Outcome.FAIL else 0.0
-            comment = _noise_comment(task, noisy or judged, bool(noisy))
-        if self.assignment.inconclusive != REVIEW:
-            points += float(self.assignment.inconclusive) * waiting
-            waiting = 0.0
-        return TaskResult(
-            task.id, task.heading, task.lecture, verdict, round(points + quiet, 4), round(waiting, 4),
-            task.most, scenes, quiet, task.hint if verdict is not Outcome.PASS else "", comment,
-        )  # fmt: skip
+
+@dataclass(frozen=True)
+class Attempt:
+    """A submission that was built, and what it is tried in."""
+
+    student: str
+    submission: Submission
+    command: str
+    digest: str
+    jail: Jail
+    place: Path
+    decoder: Decoder
 
 
 def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant]:
@@ -267,16 +280,6 @@ def _scene_result(name: str, hidden: bool, case: Case, looks: int) -> SceneResul
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def _noise_comment(task: Task, scenes: list[SceneResult], noisy: bool) -> str:
-    if not scenes:
-        return "noise not compared: the scene does not pass, or the run command takes no {spp}"
-    worst = max(scenes, key=lambda s: s.noise["ratio"]).noise
-    interval = f"{worst['low']:.3g} … {worst['high']:.3g}"
-    figures = f"{worst['ratio']:.3g} times the variance ({interval}) of oneray's {task.technique}"
-    limit = f"up to {task.noise_limit:g} times earn the {task.noise_points:g} points for noise"
-    return f"{'too noisy: ' if noisy else ''}a sample has {figures}; {limit}"
 
 
 def _pictures(made: list[Array], of: Variant, secret: bool) -> list[dict[str, str]]:

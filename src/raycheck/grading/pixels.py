@@ -5,11 +5,13 @@ checked before anything is decoded, and other formats than PFM are decoded by a 
 swell alone.
 """
 
+import contextlib
 import multiprocessing
 import os
 import shutil
 import stat
 from multiprocessing.connection import Connection
+from multiprocessing.context import ForkProcess
 from pathlib import Path
 
 import OpenImageIO as oiio
@@ -26,7 +28,7 @@ DECODE_BYTES = 2 << 30
 
 
 def take_picture(
-    folder: Path, private: Path, most_bytes: int, size: tuple[int, int], said: str = ""
+    folder: Path, private: Path, most_bytes: int, size: tuple[int, int], decoder: "Decoder", said: str = ""
 ) -> Image:
     """The picture image.exr, or the one file whose name begins so, as an Image of height and width `size`.
 
@@ -38,7 +40,7 @@ def take_picture(
         raise RenderError(f"exit status 0, but {{output}} was not written{said}")
     copy = private / "picture"
     _copy(folder / name, copy, most_bytes)
-    return read_picture(copy, size)
+    return decoder.read(copy, size)
 
 
 def _copy(source: Path, target: Path, most_bytes: int) -> None:
@@ -60,19 +62,55 @@ def _copy(source: Path, target: Path, most_bytes: int) -> None:
             shutil.copyfileobj(file, copy)
 
 
-def read_picture(path: Path, size: tuple[int, int]) -> Image:
-    """Decode a file that is already ours; RenderError for anything but a picture of that height and width."""
-    try:
-        with path.open("rb") as file:
-            if file.read(2) in (b"PF", b"Pf"):
-                _check_pfm(path, size)
-                return load_image(path)
-    except ImageError as error:
-        raise RenderError(_plain(error, path)) from None
-    answer = _decode_apart(path, size)
-    if isinstance(answer, str):
-        raise RenderError(answer)
-    return answer
+class Decoder:
+    """Reads the pictures of one submission; a context. What is no PFM is decoded by a process, started when
+    it is first needed and anew after a picture that it did not survive.
+    """
+
+    def __init__(self) -> None:
+        self.process: ForkProcess | None = None
+        self.pipe: Connection | None = None
+
+    def __enter__(self) -> "Decoder":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process is not None:
+            self.pipe.close()
+            self.process.kill()
+            self.process.join()
+        self.process = self.pipe = None
+
+    def read(self, path: Path, size: tuple[int, int]) -> Image:
+        """A file that is already ours; RenderError for anything but a picture of that height and width."""
+        try:
+            with path.open("rb") as file:
+                if file.read(2) in (b"PF", b"Pf"):
+                    _check_pfm(path, size)
+                    return load_image(path)
+        except ImageError as error:
+            raise RenderError(_plain(error, path)) from None
+        answer = self._apart(path, size)
+        if isinstance(answer, str):
+            raise RenderError(answer)
+        return answer
+
+    def _apart(self, path: Path, size: tuple[int, int]) -> Image | str:
+        if self.process is None:
+            context = multiprocessing.get_context("fork")
+            self.pipe, theirs = context.Pipe()
+            self.process = context.Process(target=_decode_all, args=(theirs, self.pipe), daemon=True)
+            self.process.start()
+            theirs.close()
+        try:
+            self.pipe.send((path, size))
+            if self.pipe.poll(DECODE_SECONDS):
+                return self.pipe.recv()
+            problem = f"{{output}} was not decoded within {DECODE_SECONDS:.0f} s"
+        except (EOFError, OSError):
+            problem = "{output} is malformed: decoding it crashed"
+        self.__exit__()
+        return problem
 
 
 def _plain(error: Exception, path: Path) -> str:
@@ -94,36 +132,26 @@ def _other_size(width: int, height: int, size: tuple[int, int]) -> str:
     return f"the image is {width}×{height} pixels, the scene asks for {size[1]}×{size[0]}{turned}"
 
 
-def _decode_apart(path: Path, size: tuple[int, int]) -> Image | str:
-    context = multiprocessing.get_context("fork")
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_decode, args=(theirs, path, size), daemon=True)
-    process.start()
-    theirs.close()
-    try:
-        if not ours.poll(DECODE_SECONDS):
-            return f"{{output}} was not decoded within {DECODE_SECONDS:.0f} s"
-        return ours.recv()
-    except EOFError:
-        return "{output} is malformed: decoding it crashed"
-    finally:
-        ours.close()
-        process.kill()
-        process.join()
-
-
-def _decode(answer: Connection, path: Path, size: tuple[int, int]) -> None:
+def _decode_all(pipe: Connection, other_end: Connection) -> None:
+    """Answers (path, size) with an Image or what is wrong with it."""
     import resource  # POSIX alone
 
+    other_end.close()  # else this process would never see that its owner has ended
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + DECODE_BYTES,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with contextlib.suppress(EOFError):
+        while True:
+            pipe.send(_decode(*pipe.recv()))
+
+
+def _decode(path: Path, size: tuple[int, int]) -> Image | str:
     try:
-        answer.send(_header_problem(path, size) or load_image(path))
+        return _header_problem(path, size) or load_image(path)
     except ImageError as error:
-        answer.send(_plain(error, path))
+        return _plain(error, path)
     except MemoryError:
-        answer.send("{output} takes too much memory to decode")
+        return "{output} takes too much memory to decode"
 
 
 def _header_problem(path: Path, size: tuple[int, int]) -> str:

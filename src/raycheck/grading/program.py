@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from raycheck import scene_export
 from raycheck.grading.assignment import Limits
-from raycheck.grading.pixels import take_picture
+from raycheck.grading.pixels import Decoder, take_picture
 from raycheck.grading.sandbox import Jail
 from raycheck.references import Variant
 from raycheck.renderers import RenderError, Rendering, RenderTimeout, TakesPlaceholders, split_command
@@ -94,6 +94,7 @@ class Program(Taken, TakesPlaceholders):
     """Height and width of the picture."""
     task: str
     scratch: Path
+    decoder: Decoder
 
     def __post_init__(self) -> None:
         self.words = split_command(self.command)
@@ -135,7 +136,9 @@ class Program(Taken, TakesPlaceholders):
             )  # fmt: skip
             if done.problem:
                 raise RenderError(f"no picture (seed {seed}): {done.problem}")
-            image = take_picture(output, private, limits.output_mb << 20, self.size, _said(done.said))
+            image = take_picture(
+                output, private, limits.output_mb << 20, self.size, self.decoder, _said(done.said)
+            )
             seconds = time.perf_counter() - started
         self.take(spp, seconds, image.pixels)
         return Rendering(image, done.seconds)

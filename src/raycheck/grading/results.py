@@ -33,6 +33,8 @@ class SceneResult:
     """The lecture's argument that is likely to help."""
     noise: dict[str, Any] | None = None
     """Ratio of variances, low, high, technique."""
+    speed: dict[str, Any] | None = None
+    """Ratio of seconds, low, high, seconds of a picture, technique."""
     seconds: float = 0.0
     pictures: list[dict[str, str]] = field(default_factory=list)
     """Data URIs and captions for the student's page."""
@@ -52,6 +54,8 @@ class TaskResult:
     scenes: list[SceneResult]
     noise_points: float = 0.0
     """Of `points`."""
+    speed_points: float = 0.0
+    """Of `points`; another run may earn others."""
     hint: str = ""
     comment: str = ""
     executed: bool = True

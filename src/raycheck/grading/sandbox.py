@@ -408,11 +408,8 @@ def _wait(jail: Jail, process: Process, seconds: float, started: float, sizes: S
     limits = jail.limits
     while True:
         left = seconds - (time.perf_counter() - started)
-        try:
-            process.wait(max(min(left, WATCH_SECONDS), 0.001))
+        if _ends(process, max(min(left, WATCH_SECONDS), 0.001)):
             return ""
-        except subprocess.TimeoutExpired:
-            pass
         reason = ""
         if left <= 0:
             reason = f"not finished after {seconds:.0f} s, the limit of the assignment"
@@ -424,6 +421,22 @@ def _wait(jail: Jail, process: Process, seconds: float, started: float, sizes: S
         if reason:
             _kill(process)
             return reason
+
+
+def _ends(process: Process, seconds: float) -> bool:
+    """Does it within that time? By its descriptor: Popen.wait looks again only after up to 50 ms."""
+    if isinstance(process, subprocess.Popen) and process.poll() is None:
+        ended = os.pidfd_open(process.pid)
+        try:
+            if not select.select([ended], [], [], seconds)[0]:
+                return False
+        finally:
+            os.close(ended)
+    try:
+        process.wait(END_SECONDS if isinstance(process, subprocess.Popen) else seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
 def _kill(process: Process) -> None:

@@ -33,7 +33,8 @@ class Submission:
     """Unpacked."""
 
     folder: Path
-    build: str = ""
+    build: str | None = None
+    """Empty: nothing is to be built; None: as the assignment says."""
     run: str = ""
     has_manifest: bool = False
 

@@ -1,0 +1,76 @@
+"""Speed beside oneray: the same technique, scene and samples, in turn, in the same jail.
+
+What a picture takes is the whole command's time, from its start to its end. Seconds differ from run to run:
+points for speed are the only ones that a regrade may change, and an interval says how sure the ratio is.
+"""
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from raycheck.grading.oneray_bundle import bundle_oneray
+from raycheck.grading.program import Program
+from raycheck.techniques import technique
+
+PAIRS = 8
+SURE = 0.99
+"""Of the interval."""
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Seconds of a picture over oneray's, with their interval."""
+
+    ratio: float
+    low: float
+    high: float
+    seconds: float
+    """The median picture's."""
+    technique: str
+
+
+def compare(program: Program, spp: int, name: str, seeds: Sequence[int]) -> Speed | None:
+    """By one pair of pictures for each seed; None where oneray itself cannot run in this jail.
+
+    RenderError where the program makes no picture.
+    """
+    oneray = program.scratch / "oneray"
+    bundle_oneray(oneray)
+    pairs = []
+    for seed in seeds:
+        theirs = _oneray_seconds(program, oneray, spp, seed, name)
+        if theirs is None:
+            return None
+        own = program.render(program.scene, spp, seed, program.limits.picture_seconds).seconds
+        pairs.append((own, theirs))
+    return ratio_of(pairs, name)
+
+
+def ratio_of(pairs: Sequence[tuple[float, float]], name: str) -> Speed:
+    """Of (own, oneray's) seconds: Student's interval of the mean of log(own / oneray's)."""
+    own, theirs = np.array(pairs).T
+    logs = np.log(own / theirs)
+    middle = float(logs.mean())
+    error = float(logs.std(ddof=1)) / math.sqrt(len(logs))
+    half = float(stats.t.ppf((1 + SURE) / 2, len(logs) - 1)) * error
+    bounds = (math.exp(middle), math.exp(middle - half), math.exp(middle + half))
+    return Speed(*bounds, float(np.median(own)), name)
+
+
+def _oneray_seconds(program: Program, folder: Path, spp: int, seed: int, name: str) -> float | None:
+    words = ["/submission/oneray", "/task/scene.xml", "-o", "/out/image.exr", "--quiet"]
+    words += ["--spp", str(spp), "--seed", str(seed), *technique(name).options]
+    with tempfile.TemporaryDirectory(dir=program.scratch, ignore_cleanup_errors=True) as place:
+        Path(place).chmod(0o711)
+        output = Path(place) / "out"
+        output.mkdir()
+        done = program.jail.run(
+            words, seconds=program.limits.picture_seconds, folder=folder, writable=False,
+            readable={program.scene: "/task"}, output=output,
+        )  # fmt: skip
+    return None if done.problem else done.seconds
