@@ -1,6 +1,5 @@
 """raycheck grade: submissions of an assignment."""
 
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +8,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from raycheck import pools
 from raycheck.check_cli import check_assignment
 from raycheck.cli_support import make_console, plain_errors
 from raycheck.grading import course, sandbox, tables
@@ -47,6 +47,9 @@ Overrides = Annotated[
     typer.Option(metavar="FILE.csv", help="Points set by hand, in columns student,task,points,comment."),
 ]
 Jobs = Annotated[int | None, typer.Option(min=1, help="Submissions at a time, one a core by default.")]
+Cluster = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="The scheduler of a Dask cluster that grades.")
+]
 Platform = Annotated[
     str, typer.Option(metavar="gradescope", help="Instead: write an autograder for that platform.")
 ]
@@ -77,6 +80,7 @@ def grade(
     roster: Roster = None,
     overrides: Overrides = None,
     jobs: Jobs = None,
+    dask: Cluster = None,
     package: Platform = "",
     package_file: PackageFile = Path("autograder.zip"),
     no_sandbox: NoSandbox = False,
@@ -110,7 +114,8 @@ def grade(
         )
         if submission is not None and not submission.exists():
             raise NotFound(f"{submission}: there is no such file or folder")
-        grader = Grader.prepare(asked, sandbox.Tier.NONE if no_sandbox else sandbox.best_tier())
+        pool = pools.chosen(jobs, dask)
+        grader = Grader.prepare(asked, _tier(no_sandbox, dask))
         out.mkdir(parents=True, exist_ok=True)
         progress = Console(stderr=True)
 
@@ -119,10 +124,17 @@ def grade(
                 points = f"{number(result.total)} of {number(result.most)}"
                 progress.print(f"{result.student}: {points}", highlight=False, markup=False)
 
-        results = course.grade_class(grader, found, out, jobs or os.cpu_count() or 1, on_result)
+        results = course.grade_class(grader, found, out, pool, on_result)
         course.write_class(asked, results, out, names, by_hand)
     _show(asked, results, out)
     raise typer.Exit(3 if any(result.review for result in results) else 0)
+
+
+def _tier(no_sandbox: bool, dask: str | None) -> sandbox.Tier | None:
+    """None: each machine of a cluster takes its strongest."""
+    if no_sandbox:
+        return sandbox.Tier.NONE
+    return None if dask else sandbox.best_tier()
 
 
 def _package(platform: str, assignment: Path, path: Path) -> None:
@@ -148,7 +160,8 @@ def _show(asked: Assignment, results: list[StudentResult], out: Path) -> None:
     if len(results) == 1:
         for line in _details(results[0]):
             console.print(line, markup=False, highlight=False, soft_wrap=True)
-    console.print(sentence(results[0].sandbox), markup=False, highlight=False, soft_wrap=True)
+    for said in sorted({result.sandbox for result in results} - {""}):
+        console.print(sentence(said), markup=False, highlight=False, soft_wrap=True)
     console.print(
         f"{out / 'index.html'}: open it in a browser", markup=False, highlight=False, soft_wrap=True
     )

@@ -1,17 +1,20 @@
 """Where independent pieces of work run: processes on this machine, or the workers of a Dask cluster.
 
 A piece is the arguments of a function that gives the same bytes wherever and however often it runs. A piece
-that is lost with its worker (`Lost`, or Dask's KilledWorker) is done again, `ATTEMPTS` times at most; any
-other error ends the whole run.
+that is lost with its worker (`Lost`, or Dask's KilledWorker) is done again, `ATTEMPTS` times at most; then it
+ends the run, or `on_lost` says what stands in its place. Any other error ends the whole run.
 """
 
+import contextlib
 import os
 import signal
 import subprocess
 import threading
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from raycheck.renderers import NotFound, RenderError
@@ -30,10 +33,31 @@ class Lost(RenderError):
 
 Work = Callable[..., bytes]
 Pieces = Sequence[tuple[Any, ...]]
+"""Each is asked for when its turn comes: a sequence may make them then."""
+OnLost = Callable[[int, Lost], bytes]
+"""What stands in the place of a piece of that index."""
 
 
-_running: set[subprocess.Popen[bytes]] = set()
-"""The processes of this one, to be ended with it."""
+running: "weakref.WeakSet[subprocess.Popen[bytes]]" = weakref.WeakSet()
+"""The processes that threads of this one wait for, to be ended with it."""
+
+
+def tree(root: int) -> Iterator[int]:
+    """A process and all below it, by Linux's /proc."""
+    waiting = [root]
+    while waiting:
+        yield (pid := waiting.pop())
+        with contextlib.suppress(OSError, ValueError):
+            for thread in Path(f"/proc/{pid}/task").iterdir():
+                waiting += map(int, (thread / "children").read_text().split())
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """With all below it, which may lead sessions of their own."""
+    for pid in list(tree(process.pid))[1:] if process.poll() is None else ():
+        with contextlib.suppress(OSError):
+            os.kill(pid, signal.SIGKILL)
+    process.kill()
 
 
 def run_process(words: Sequence[str], hide: str = "") -> None:
@@ -42,22 +66,35 @@ def run_process(words: Sequence[str], hide: str = "") -> None:
         words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         start_new_session=os.name == "posix",
     )  # fmt: skip
-    _running.add(process)
+    running.add(process)
     try:
         said = process.communicate()[1].decode(errors="replace").strip()
     finally:
-        _running.discard(process)
+        running.discard(process)
     if process.returncode < 0:
-        raise Lost(f"{words[0]} was ended by {signal.Signals(-process.returncode).name}")
+        raise ended(words[0], process.returncode)
     if process.returncode:
         last = said.splitlines()[-1] if said else f"exit status {process.returncode}"
         raise RenderError(last.replace(hide, "") if hide else last)
 
 
+def ended(name: str, status: int) -> Lost:
+    """Without a result: exit status, or minus the signal."""
+    how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
+    return Lost(f"{name} was ended by {how}")
+
+
 class Pool(Protocol):
-    def run(self, work: Work, pieces: Pieces) -> Iterator[tuple[int, bytes]]:
+    def run(self, work: Work, pieces: Pieces, on_lost: OnLost | None = None) -> Iterator[tuple[int, bytes]]:
         """work(*piece) for each piece, exactly once each: index and result, in whatever order they come."""
         ...
+
+
+def chosen(jobs: int | None, dask: str | None) -> "Pool":
+    """Of the options --jobs and --dask; a process a core by default."""
+    if dask and jobs:
+        raise NotFound("--jobs and --dask: give one of them; a cluster has its own processes")
+    return Dask(dask) if dask else Here(jobs or cores())
 
 
 @dataclass(frozen=True)
@@ -66,39 +103,43 @@ class Here:
 
     jobs: int
 
-    def run(self, work: Work, pieces: Pieces) -> Iterator[tuple[int, bytes]]:
-        running: dict[Future[bytes], int] = {}
+    def run(self, work: Work, pieces: Pieces, on_lost: OnLost | None = None) -> Iterator[tuple[int, bytes]]:
         with ThreadPoolExecutor(self.jobs) as threads:
             try:
-                yield from self._run(threads, running, work, pieces)
+                yield from self._run(threads, work, pieces, on_lost)
             except BaseException:  # also Ctrl-C: the threads' processes end, those that start just now too
                 threads.shutdown(wait=False, cancel_futures=True)
                 ending = threading.Thread(target=threads.shutdown)
                 ending.start()
                 while ending.is_alive():
-                    for process in list(_running):
-                        process.kill()
+                    for process in list(running):
+                        _kill(process)
                     ending.join(0.05)
                 raise
 
     def _run(
-        self, threads: Executor, running: dict[Future[bytes], int], work: Work, pieces: Pieces
+        self, threads: Executor, work: Work, pieces: Pieces, on_lost: OnLost | None
     ) -> Iterator[tuple[int, bytes]]:
-        left = list(enumerate(pieces))[::-1]
+        index_of: dict[Future[bytes], int] = {}
+        left = list(range(len(pieces)))[::-1]
         attempts = [0] * len(pieces)
-        while left or running:
-            while left and len(running) < self.jobs:
-                index, piece = left.pop()
+        while left or index_of:
+            while left and len(index_of) < self.jobs:
+                index = left.pop()
                 attempts[index] += 1
-                running[threads.submit(work, *piece)] = index
-            for done in wait(running, return_when=FIRST_COMPLETED).done:
-                index = running.pop(done)
+                index_of[threads.submit(work, *pieces[index])] = index
+            for done in wait(index_of, return_when=FIRST_COMPLETED).done:
+                index = index_of.pop(done)
                 try:
-                    yield index, done.result()
-                except Lost:
-                    if attempts[index] == ATTEMPTS:
+                    result = done.result()
+                except Lost as error:
+                    if attempts[index] < ATTEMPTS:
+                        left.append(index)
+                        continue
+                    if not on_lost:
                         raise
-                    left.append((index, pieces[index]))
+                    result = on_lost(index, error)
+                yield index, result
 
 
 @dataclass(frozen=True)
@@ -107,9 +148,9 @@ class Dask:
 
     address: str
 
-    def run(self, work: Work, pieces: Pieces) -> Iterator[tuple[int, bytes]]:
+    def run(self, work: Work, pieces: Pieces, on_lost: OnLost | None = None) -> Iterator[tuple[int, bytes]]:
         try:
-            from distributed import Client, KilledWorker, as_completed
+            from distributed import Client
         except ImportError:
             raise NotFound("--dask needs Dask: pip install 'raycheck[dask]'") from None
         try:
@@ -117,28 +158,54 @@ class Dask:
         except (OSError, ValueError, TimeoutError) as error:
             raise NotFound(f"--dask {self.address}: no scheduler answers there ({error})") from None
         with client:
-            index_of: dict[str, int] = {}
-            attempts = [0] * len(pieces)
+            yield from self._run(client, work, pieces, on_lost)
 
-            def submit(index: int) -> Any:
+    def _run(
+        self, client: Any, work: Work, pieces: Pieces, on_lost: OnLost | None
+    ) -> Iterator[tuple[int, bytes]]:
+        from distributed import as_completed
+
+        index_of: dict[str, int] = {}
+        left = list(range(len(pieces)))[::-1]
+        attempts = [0] * len(pieces)
+        results = as_completed()
+
+        def submit() -> None:
+            """Two pieces for each thread of the workers that there are: none waits, and few are kept."""
+            most = 2 * max(1, sum(client.nthreads().values()))
+            while left and len(index_of) < most:
+                index = left.pop()
                 attempts[index] += 1
                 future = client.submit(work, *pieces[index], pure=False)
                 index_of[future.key] = index
-                return future
+                results.add(future)
 
-            results = as_completed([submit(index) for index in range(len(pieces))])
-            for future in results:
-                index = index_of.pop(future.key)
-                try:
-                    result = future.result()
-                except (KilledWorker, Lost) as error:
-                    if attempts[index] == ATTEMPTS:
-                        raise Lost(f"lost with its worker {ATTEMPTS} times: {error}") from None
-                    results.add(submit(index))
+        submit()
+        for future in results:
+            index = index_of.pop(future.key)
+            try:
+                result = self._result(future)
+            except Lost as error:
+                if attempts[index] < ATTEMPTS:
+                    left.append(index)
+                    submit()
                     continue
-                except (NotFound, RenderError):
-                    raise
-                except Exception as error:  # the cluster's own: whatever it is, it is the user's to know
-                    reason = " ".join(str(error).split())
-                    raise RenderError(f"the cluster at {self.address}: {reason}") from None
-                yield index, result
+                lost = Lost(f"lost with its worker {ATTEMPTS} times: {error}")
+                if not on_lost:
+                    raise lost from None
+                result = on_lost(index, lost)
+            submit()
+            yield index, result
+
+    def _result(self, future: Any) -> bytes:
+        from distributed import KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker as error:
+            raise Lost(str(error)) from None
+        except (NotFound, RenderError):
+            raise
+        except Exception as error:  # the cluster's own: whatever it is, it is the user's to know
+            reason = " ".join(str(error).split())
+            raise RenderError(f"the cluster at {self.address}: {reason}") from None

@@ -42,8 +42,7 @@ def render(
 
     Interrupted, the same command goes on from the parts in PICTURE.shards.
     """
-    if dask and jobs:
-        raise NotFound("--jobs and --dask: give one of them; a cluster has its own processes")
+    pool = pools.chosen(jobs, dask)
     if not output.absolute().parent.is_dir() or output.suffix.lower() not in (".exr", ".pfm", ".png"):
         raise NotFound(f"{output}: an .exr, .pfm or .png in a folder that is there is wanted")
     if exposure and output.suffix.lower() != ".png":
@@ -51,7 +50,6 @@ def render(
     of = references.variant(scene, parse_settings(settings))
     work = shards.Work(of.path, of.parameters, (*_chosen(technique), *(options or ())), seed)
     kept = folder or output.with_name(f"{output.name}.shards")
-    pool = pools.Dask(dask) if dask else pools.Here(jobs or pools.cores())
     started = time.monotonic()
     console = Console(stderr=True)
     columns = (TextColumn(output.name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())

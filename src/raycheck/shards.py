@@ -9,7 +9,6 @@ import contextlib
 import hashlib
 import json
 import os
-import platform
 import tempfile
 import uuid
 import xml.etree.ElementTree as ElementTree
@@ -17,7 +16,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck import pools, references, renderers
+from raycheck import builds, pools, references, renderers
+from raycheck.builds import Build
 from raycheck.pools import Pool
 from raycheck.renderers import NotFound, RenderError
 
@@ -78,10 +78,6 @@ def ranges(spp: int, shards: int = SHARDS) -> list[tuple[int, int]]:
     return [(first, min(size, spp - first)) for first in range(0, spp, size)]
 
 
-def program_hash(oneray: Path) -> str:
-    return hashlib.sha256(oneray.read_bytes()).hexdigest()
-
-
 def split(work: Work, files: Mapping[str, bytes], spp: int, program: str) -> list[Shard]:
     """The shards of a render of these files by the oneray of that hash."""
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
@@ -98,11 +94,8 @@ def render_shard(
     """Render samples first … first + count − 1 with this machine's oneray, which must be of the hash
     `program`; the bytes of the film.
     """
+    builds.require(Build(oneray=program))
     oneray = renderers.oneray_path()
-    if program_hash(oneray) != program:
-        raise NotFound(
-            f"{oneray} on {platform.node()} is another build of oneray: install the same everywhere"
-        )
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         for name, data in files.items():
             path = Path(folder) / name
@@ -167,7 +160,7 @@ def render(
     many were rendered. Raises NotFound, RenderError, Conflict.
     """
     oneray = renderers.oneray_path()
-    program = program_hash(oneray)
+    program = builds.oneray_hash()
     files = work.files()
     shards = split(work, files, spp, program)
     folder.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,7 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
 from raycheck.grading.sandbox import FIRST_USER, GRADING, USERS, Tier
+from raycheck.pools import Here
 from raycheck.references import references_dir
 from raycheck.renderers import NotFound
 
@@ -92,7 +93,7 @@ def survive(
     before = _outside(work)
     grader = Grader.prepare(read_assignment(assignment), tier)
     found = course.entries(work / "class", [])
-    results = {r.student: r for r in course.grade_class(grader, found, work / "out", 1, on_result)}
+    results = {r.student: r for r in course.grade_class(grader, found, work / "out", Here(1), on_result)}
     expected = {one.name: one.reason for one in attacks} | archives
     answers = [_judge(name, reason, results[name]) for name, reason in expected.items()]
     answers += [_honest(results[name]) for name in ("0-before", "~after")]

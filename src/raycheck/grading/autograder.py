@@ -10,11 +10,11 @@ from dataclasses import replace as changed
 from pathlib import Path
 
 from raycheck.cli_support import replace
-from raycheck.grading import course, sandbox
+from raycheck.grading import course, piece, sandbox
 from raycheck.grading.assignment import read_assignment
+from raycheck.grading.assignment_bundle import ASSIGNMENT
 from raycheck.grading.gradescope import failed_json, results_json
 from raycheck.grading.judge import Grader
-from raycheck.grading.package import ASSIGNMENT
 from raycheck.references import ReferenceError_
 from raycheck.renderers import NotFound
 
@@ -35,7 +35,7 @@ def run(root: Path, seconds: float) -> None:
         replace(results, failed_json(NOT_STARTED))
         return
     grader = changed(grader, seconds=seconds - (time.perf_counter() - started))
-    result = course.grade_one(grader, course.Entry("submission", root / "submission"))
+    result = piece.grade_one(grader, course.content(root / "submission"), "submission")
     replace(results, results_json(result))
     print(result.to_json(pictures=False))
 

@@ -1,30 +1,33 @@
-"""A whole class: one submission after another or several at a time, each with a result of its own on disk.
+"""A whole class: submissions in a pool of processes or machines, each with a result of its own on disk.
 
 What is on disk and still belongs to the same submission and assignment is kept, so that a run can be
 interrupted. Nothing that one submission does stops the rest.
 """
 
+import functools
 import hashlib
-import multiprocessing
 import re
 import tempfile
-import traceback
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from raycheck.cli_support import replace
-from raycheck.grading.assignment import Assignment
+from raycheck import builds
+from raycheck.builds import Build
+from raycheck.cli_support import replace as write_whole
+from raycheck.grading import assignment_bundle, piece, submission
+from raycheck.grading.assignment import PICTURES, Assignment
 from raycheck.grading.gradescope import results_json
-from raycheck.grading.judge import Grader
+from raycheck.grading.judge import Grader, make_picture_references
 from raycheck.grading.keys import digest_of
 from raycheck.grading.pages import course_page, student_page
-from raycheck.grading.results import StudentResult, failed_everything
-from raycheck.grading.submission import SubmissionError, is_archive, open_submission
+from raycheck.grading.results import StudentResult
+from raycheck.grading.sandbox import GRADING, Tier
+from raycheck.grading.submission import SubmissionError, is_archive
 from raycheck.grading.tables import Override, apply_overrides, grades_csv, junit_xml
+from raycheck.pools import ATTEMPTS, Lost, Pool
 from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
 
 RESULT = "result.json"
 
@@ -65,7 +68,7 @@ def _student(path: Path, roster: Sequence[str]) -> str:
     return name.split("_")[0]
 
 
-def _content(path: Path) -> Path:
+def content(path: Path) -> Path:
     """A folder of an LMS often holds one archive."""
     if path.is_dir():
         inside = [p for p in path.iterdir() if not p.name.startswith(".")]
@@ -81,43 +84,59 @@ def folder_name(student: str) -> str:
     return plain if plain == student else f"{plain}-{tail}"
 
 
+@dataclass(frozen=True)
+class _Pieces(Sequence):
+    """Of `piece.grade`, one for each submission; made when it is asked for."""
+
+    grader: Grader
+    entries: Sequence[Entry]
+
+    @functools.cached_property
+    def _assignment(self) -> bytes:
+        return assignment_bundle.pack(self.grader.assignment)
+
+    @functools.cached_property
+    def _build(self) -> Build:
+        return Build(builds.raycheck_hash(), builds.oneray_hash())
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __getitem__(self, index: int) -> tuple[Any, ...]:
+        entry = self.entries[index]
+        handed, slot = submission.pack(content(entry.path)), GRADING + index
+        return self._assignment, handed, entry.student, slot, self.grader.tier, self._build
+
+
 def grade_class(
-    grader: Grader, found: Sequence[Entry], out: Path, jobs: int, on_result: Callable[[StudentResult], None]
+    grader: Grader, found: Sequence[Entry], out: Path, pool: Pool, on_result: Callable[[StudentResult], None]
 ) -> list[StudentResult]:
     """Results in the order of `found`; each is written as it comes."""
     results = {entry.student: kept for entry in found if (kept := _kept(grader, entry, out))}
     todo = [entry for entry in found if entry.student not in results]
     for result in results.values():
         on_result(result)
-    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("fork")) as pool:
-        waiting = {pool.submit(grade_one, grader, e, slot): e for slot, e in enumerate(todo)}
-        for done in as_completed(waiting):
-            entry = waiting[done]
-            try:
-                result = done.result()
-            except Exception as error:  # the worker itself died
-                result = _ungraded(grader, entry, f"the grader failed ({type(error).__name__}: {error})")
-            results[entry.student] = result
-            write_student(grader.assignment, result, out)
-            on_result(result)
+    _make_picture_references(grader, todo)
+
+    def on_lost(index: int, error: Lost) -> bytes:
+        why = f"the grader failed {ATTEMPTS} times ({error})"
+        return piece.ungraded(grader.assignment, todo[index].student, why).to_json().encode()
+
+    for index, data in pool.run(piece.grade, _Pieces(grader, todo), on_lost):
+        result = StudentResult.from_json(data)
+        results[todo[index].student] = result
+        write_student(grader.assignment, result, out)
+        on_result(result)
     return [results[entry.student] for entry in found]
 
 
-def grade_one(grader: Grader, entry: Entry, slot: int = 0) -> StudentResult:
-    """Never raises: where the grader itself is at fault all points are left open."""
-    try:
-        return grader.grade(_content(entry.path), entry.student, slot)
-    except Exception as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        place = f"{Path(where.filename).name}:{where.lineno}"
-        return _ungraded(grader, entry, f"the grader failed ({type(error).__name__} in {place}: {error})")
-
-
-def _ungraded(grader: Grader, entry: Entry, why: str) -> StudentResult:
-    result = failed_everything(grader.assignment, entry.student, why, "")
-    for task in result.tasks:
-        task.verdict, task.pending = Outcome.INCONCLUSIVE, task.most
-    return result
+def _make_picture_references(grader: Grader, todo: Sequence[Entry]) -> None:
+    """Here, once: they are kept, and must not depend on who grades."""
+    for task in grader.assignment.tasks:
+        accepted = todo if task.accepts == PICTURES else ()
+        students = [e.student for e in accepted if submission.may_have_pictures(content(e.path), task.id)]
+        if students:
+            make_picture_references(grader.assignment, grader.keys, task, students)
 
 
 def _kept(grader: Grader, entry: Entry, out: Path) -> StudentResult | None:
@@ -126,11 +145,13 @@ def _kept(grader: Grader, entry: Entry, out: Path) -> StudentResult | None:
     try:
         result = StudentResult.read(path)
         with tempfile.TemporaryDirectory(prefix="raycheck-") as place:
-            open_submission(_content(entry.path), Path(place))
+            submission.open_submission(content(entry.path), Path(place))
             digest = digest_of(Path(place))
     except (OSError, ValueError, KeyError, TypeError, SubmissionError):
         return None
-    return result if result.state == grader.state(digest) else None
+    tiers = [grader.tier] if grader.tier else [tier for tier in Tier if tier is not Tier.NONE]
+    states = [replace(grader, tier=tier).state(digest) for tier in tiers]
+    return result if result.state in states else None
 
 
 def student_folder(out: Path, student: str) -> Path:
@@ -141,15 +162,15 @@ def write_student(assignment: Assignment, result: StudentResult, out: Path) -> N
     """The result as it was graded, and what the student gets."""
     folder = student_folder(out, result.student)
     folder.mkdir(parents=True, exist_ok=True)
-    replace(folder / RESULT, result.to_json())
+    write_whole(folder / RESULT, result.to_json())
     write_for_student(assignment, result, folder)
 
 
 def write_for_student(assignment: Assignment, result: StudentResult, folder: Path) -> None:
     """The page, Gradescope's results and JUnit."""
-    replace(folder / "index.html", student_page(assignment, result))
-    replace(folder / "results.json", results_json(result))
-    replace(folder / "junit.xml", junit_xml([result]))
+    write_whole(folder / "index.html", student_page(assignment, result))
+    write_whole(folder / "results.json", results_json(result))
+    write_whole(folder / "junit.xml", junit_xml([result]))
 
 
 def write_class(
@@ -161,5 +182,5 @@ def write_class(
         if apply_overrides(result, overrides):
             write_for_student(assignment, result, student_folder(out, result.student))
     pages = {r.student: f"students/{folder_name(r.student)}/index.html" for r in results}
-    replace(out / "grades.csv", grades_csv(assignment, results, roster))
-    replace(out / "index.html", course_page(assignment, results, pages))
+    write_whole(out / "grades.csv", grades_csv(assignment, results, roster))
+    write_whole(out / "index.html", course_page(assignment, results, pages))

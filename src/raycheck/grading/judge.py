@@ -9,6 +9,7 @@ import hashlib
 import math
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from raycheck import checks, lecture, pictures, references
 from raycheck.grading import handed_in, noise, points, speed
 from raycheck.grading.assignment import PICTURES, Assignment, Task
-from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant
+from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant, with_reference
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
 from raycheck.grading.pixels import Decoder
 from raycheck.grading.program import Program, build, write_scene
@@ -30,7 +31,7 @@ from raycheck.grading.results import (
     TaskResult,
     failed_everything,
 )
-from raycheck.grading.sandbox import Jail, Tier
+from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.references import Variant
@@ -65,13 +66,16 @@ class Grader:
     keys: Keys
     scenes: dict[str, list[tuple[Variant, str, bool]]]
     """By task: what is rendered, what it is called, whether it is hidden."""
-    tier: Tier
+    tier: Tier | None
+    """None: the strongest that works where it is graded."""
     seconds: float = math.inf
     """For the whole of one submission."""
 
     @classmethod
-    def prepare(cls, assignment: Assignment, tier: Tier) -> "Grader":
-        """Make the hidden variants' references where they are missing, which takes a minute for each."""
+    def prepare(cls, assignment: Assignment, tier: Tier | None) -> "Grader":
+        """Make the hidden variants' references where they are missing, which takes a minute for each, and
+        measure oneray's noise.
+        """
         keys = read_keys(assignment.path, assignment.name)
         folder = private_folder(assignment.path) / "scenes"
         scenes: dict[str, list[tuple[Variant, str, bool]]] = {}
@@ -82,12 +86,14 @@ class Grader:
                 scenes[task.id].append((of, of.label, False))
                 hidden = hidden_variants(of, task.hidden, keys, folder)
                 scenes[task.id] += [(one, of.label, True) for one in hidden]
+            for of, _, _ in scenes[task.id] if task.noise_points else ():
+                noise.of_oneray(of, task.spp, task.technique, private_folder(assignment.path))
         return cls(assignment, keys, scenes, tier)
 
-    def grade(self, path: Path, student: str, slot: int = 0) -> StudentResult:
+    def grade(self, path: Path, student: str, slot: int = GRADING) -> StudentResult:
         """Everything about one submission; never raises for what a submission does."""
         started = time.perf_counter()
-        jail = Jail(self.tier, self.assignment.limits, slot, started + self.seconds)
+        jail = Jail(self.tier or best_tier(), self.assignment.limits, slot, started + self.seconds)
         with tempfile.TemporaryDirectory(prefix="raycheck-grade-", ignore_cleanup_errors=True) as place:
             Path(place).chmod(0o711)
             try:
@@ -150,8 +156,9 @@ class Grader:
         return result
 
     def state(self, digest: str) -> str:
-        """Of a submission's digest and of all that it is graded by."""
-        what = (raycheck_version(), self.assignment, self.keys.secret.hex(), self.tier, digest)
+        """Of a submission's digest and of all that it is graded by, wherever that is."""
+        asked = replace(self.assignment, path=Path())
+        what = (raycheck_version(), asked, self.keys.secret.hex(), self.tier, digest)
         return hashlib.sha256(repr(what).encode()).hexdigest()
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
@@ -225,7 +232,8 @@ class Grader:
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
         if task.noise_points and last.verdict is not Outcome.FAIL and program.takes_spp:
-            compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique)
+            kept = private_folder(self.assignment.path)
+            compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique, kept)
             found.noise = asdict(compared) if compared else None
         return found
 
@@ -264,6 +272,13 @@ class Attempt:
     jail: Jail
     place: Path
     decoder: Decoder
+
+
+def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:
+    """Of the variants that these students hand in pictures of."""
+    of, pool = assignment.scene(task.scenes[0]), picture_pool(assignment, keys, task)
+    for index in sorted({pool_index(of, student, task.variants, keys) for student in students}):
+        with_reference(pool[index])
 
 
 def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant]:

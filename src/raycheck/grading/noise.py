@@ -1,14 +1,17 @@
 """The noise level: variance of a sample over oneray's, which shows what was really written."""
 
-import functools
+import hashlib
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import renderers
+from raycheck import builds, references, renderers
+from raycheck.cli_support import replace
 from raycheck.references import Variant
 from raycheck.seeds import make_seeds
 from raycheck.techniques import technique
@@ -17,6 +20,7 @@ Array = NDArray[np.float64]
 
 IMAGES = 32
 GROUPS = 8
+KEPT = "noise.json"
 SURE = 3.0
 """Standard errors of the interval."""
 
@@ -31,10 +35,12 @@ class Noise:
     technique: str
 
 
-def compare(pictures: Sequence[Array], of: Variant, spp: int, name: str) -> Noise | None:
-    """Pictures (H, W, 3) of `spp` samples per pixel each; None where either side does not vary."""
+def compare(pictures: Sequence[Array], of: Variant, spp: int, name: str, folder: Path) -> Noise | None:
+    """Pictures (H, W, 3) of `spp` samples per pixel each; None where either side does not vary. `folder` is
+    as of `of_oneray`.
+    """
     ours, ours_error = _log_variance(np.stack(pictures))
-    theirs, theirs_error = _oneray(of.path, tuple(sorted(of.parameters.items())), spp, name)
+    theirs, theirs_error = of_oneray(of, spp, name, folder)
     if not (math.isfinite(ours) and math.isfinite(theirs)):
         return None
     half = SURE * math.hypot(ours_error, theirs_error)
@@ -42,12 +48,23 @@ def compare(pictures: Sequence[Array], of: Variant, spp: int, name: str) -> Nois
     return Noise(math.exp(middle), math.exp(middle - half), math.exp(middle + half), name)
 
 
-@functools.lru_cache(maxsize=64)
-def _oneray(path, parameters: tuple[tuple[str, str], ...], spp: int, name: str) -> tuple[float, float]:
-    of = Variant(path, dict(parameters))
-    command = renderers.oneray_command(renderers.oneray_path(), technique(name).options, of.parameters)
-    seeds = make_seeds(f"noise/{of.label}/{name}", IMAGES)
-    return _log_variance(np.stack([command.render(path, spp, seed, 600.0).image.pixels for seed in seeds]))
+def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, float]:
+    """log of the mean variance of a pixel and its standard error, with oneray's technique `name`: measured
+    once and kept in `folder` by all that it depends on.
+    """
+    scene = references.scene_hash(of.path, of.parameters)
+    what = (builds.oneray_hash(), scene, of.label, name, technique(name).options, spp, IMAGES)
+    key = hashlib.sha256(repr(what).encode()).hexdigest()
+    file = folder / KEPT
+    kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    if key not in kept:
+        command = renderers.oneray_command(renderers.oneray_path(), technique(name).options, of.parameters)
+        seeds = make_seeds(f"noise/{of.label}/{name}", IMAGES)
+        images = [command.render(of.path, spp, seed, 600.0).image.pixels for seed in seeds]
+        kept[key] = _log_variance(np.stack(images))
+        replace(file, json.dumps(kept, indent=1) + "\n")
+    log_variance, error = kept[key]
+    return log_variance, error
 
 
 def _log_variance(images: Array) -> tuple[float, float]:

@@ -12,15 +12,13 @@ from importlib import metadata
 from pathlib import Path
 
 from raycheck import references
-from raycheck.grading.assignment import Assignment
+from raycheck.grading.assignment_bundle import copy_assignment, write_all
 from raycheck.grading.judge import Grader
-from raycheck.grading.keys import private_folder
 from raycheck.grading.oneray_bundle import bundle_oneray
 from raycheck.grading.pages import TEMPLATES
 from raycheck.renderers import NotFound
 
 SCRIPTS = ("setup.sh", "run_autograder")
-ASSIGNMENT = "assignment.toml"
 
 
 def write_package(grader: Grader, path: Path) -> None:
@@ -34,11 +32,10 @@ def write_package(grader: Grader, path: Path) -> None:
             (folder / name).chmod(0o755)
         _copy_raycheck(folder)
         bundle_oneray(folder / "oneray")
-        _copy_assignment(grader.assignment, folder)
+        copy_assignment(grader.assignment, folder)
         partial = path.with_name(f".{path.name}.part")
         with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            for file in sorted(p for p in folder.rglob("*") if p.is_file()):
-                archive.write(file, file.relative_to(folder))
+            write_all(archive, folder)
         partial.replace(path)
 
 
@@ -55,20 +52,3 @@ def _copy_raycheck(folder: Path) -> None:
     (information / "METADATA").write_text(whole.read_text("METADATA") or "", encoding="utf-8")
     needed = [line for line in whole.requires or () if "extra ==" not in line]
     (folder / "requirements.txt").write_text("\n".join(needed) + "\n", encoding="utf-8")
-
-
-def _copy_assignment(assignment: Assignment, folder: Path) -> None:
-    """The file with its secret and hidden scenes, and the scenes beside it with their references."""
-    shutil.copy(assignment.path, folder / ASSIGNMENT)
-    shutil.copytree(private_folder(assignment.path), private_folder(folder / ASSIGNMENT), dirs_exist_ok=True)
-    for task in assignment.tasks:
-        for of in map(assignment.scene, task.scenes):
-            if of.canonical:
-                continue
-            root = assignment.path.parent.resolve()
-            for file in (of.path, *references.files_of(of.path, of.parameters), *of.folder.iterdir()):
-                if not file.resolve().is_relative_to(root):
-                    raise NotFound(f"{file}: scenes of a package must be beside or below the assignment")
-                target = folder / file.resolve().relative_to(root)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(file, target)

@@ -101,8 +101,12 @@ class StudentResult:
 
     @classmethod
     def read(cls, path: Path) -> "StudentResult":
-        """What `to_json` wrote."""
-        found = json.loads(path.read_text(encoding="utf-8"))
+        """A file of what `to_json` gave."""
+        return cls.from_json(path.read_text(encoding="utf-8"))
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> "StudentResult":
+        found = json.loads(text)
         for name in ("total", "pending", "most"):
             del found[name]
         tasks = [

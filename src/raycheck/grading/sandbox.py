@@ -30,6 +30,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import ClassVar
 
+from raycheck import pools
 from raycheck.grading import confine
 from raycheck.grading.assignment import Limits
 from raycheck.renderers import NotFound
@@ -102,20 +103,18 @@ def _signal_name(number: int) -> str:
 
 @dataclass(frozen=True)
 class Jail:
-    """Where a submission's commands run. `slot` keeps jails that run at the same time apart."""
+    """Where a submission's commands run. A `slot` of its own keeps jails that run at the same time apart."""
 
     tier: Tier
     limits: Limits
-    slot: int = 0
+    slot: int = GRADING
     ends: float = math.inf
     """When all must be over, by time.perf_counter."""
 
     @property
     def user(self) -> int | None:
         """Another user's id where this one is root."""
-        return (
-            FIRST_USER + (GRADING + self.slot) % USERS if os.name == "posix" and os.geteuid() == 0 else None
-        )
+        return FIRST_USER + self.slot % USERS if os.name == "posix" and os.geteuid() == 0 else None
 
     def left(self) -> float:
         """Seconds of the whole grading."""
@@ -453,14 +452,10 @@ def _kill(process: Process) -> None:
 
 def _memory(root: int) -> int:
     """Bytes resident of a process and all below it."""
-    total, waiting = 0, [root]
-    page = os.sysconf("SC_PAGE_SIZE")
-    while waiting:
-        pid = waiting.pop()
+    total, page = 0, os.sysconf("SC_PAGE_SIZE")
+    for pid in pools.tree(root):
         with contextlib.suppress(OSError, ValueError, IndexError):
             total += int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * page
-            for thread in Path(f"/proc/{pid}/task").iterdir():
-                waiting += map(int, (thread / "children").read_text().split())
     return total
 
 

@@ -4,6 +4,7 @@ Nothing of it is run here. Archives are unpacked by name and content alone: plai
 place, within limits of number and size; links, devices and names that lead elsewhere are refused.
 """
 
+import io
 import os
 import shutil
 import stat
@@ -19,7 +20,9 @@ MANIFEST = "raycheck.toml"
 PICTURES = "pictures"
 """The folder of pictures that are handed in, with one of its own for each task."""
 MOST_FILES = 5000
+TOO_MANY = f"more than {MOST_FILES} files"
 MOST_BYTES = 200 << 20
+TOO_LARGE = f"it unpacks to more than {MOST_BYTES >> 20} MB"
 KEYS = ("build", "run")
 ARCHIVES = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
 
@@ -51,6 +54,59 @@ class Submission:
 
 def is_archive(path: Path) -> bool:
     return path.is_file() and path.name.lower().endswith(ARCHIVES)
+
+
+@dataclass(frozen=True)
+class Handed:
+    """What was handed in, to be opened elsewhere: a file's name and bytes."""
+
+    name: str
+    data: bytes
+    problem: str = ""
+    """Why it cannot be opened at all."""
+
+
+def pack(path: Path) -> Handed:
+    """An archive as it is, a folder as a tar of its files; nothing else is looked at."""
+    try:
+        if path.is_dir():
+            return Handed("folder.tar", _tar(path))
+        if path.stat().st_size > MOST_BYTES:
+            raise SubmissionError(f"it has more than {MOST_BYTES >> 20} MB")
+        return Handed(path.name, path.read_bytes())
+    except SubmissionError as error:
+        return Handed(path.name, b"", str(error))
+    except OSError as error:
+        return Handed(path.name, b"", f"it cannot be unpacked: {error}")
+
+
+def _tar(folder: Path) -> bytes:
+    whole, total = io.BytesIO(), 0
+    with tarfile.open(fileobj=whole, mode="w") as archive:
+        for count, entry in enumerate(_in_folder(folder), 1):
+            total += entry.size
+            if total > MOST_BYTES:
+                raise SubmissionError(TOO_LARGE)
+            if count > MOST_FILES:
+                raise SubmissionError(TOO_MANY)
+            info = tarfile.TarInfo(entry.name)
+            info.size, info.mode = entry.size, 0o755 if entry.executable else 0o644
+            archive.addfile(info, entry.open)
+    return whole.getvalue()
+
+
+def may_have_pictures(path: Path, task: str) -> bool:
+    """By the names of its files; always where only unpacking would tell them."""
+    inside = f"{PICTURES}/{task}/"
+    try:
+        if path.is_dir():
+            return any(path.glob(f"**/{inside}*"))
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                return any(inside in name for name in archive.namelist())
+        return tarfile.is_tarfile(path)
+    except (OSError, EOFError, zipfile.BadZipFile, tarfile.TarError):
+        return False
 
 
 def open_submission(path: Path, into: Path) -> Submission:
@@ -127,7 +183,7 @@ def _take(entries: Iterator[_Entry], into: Path) -> None:
             count += 1
             total += _copy(entry, into / _safe(entry.name), MOST_BYTES - total)
             if count > MOST_FILES:
-                raise SubmissionError(f"more than {MOST_FILES} files")
+                raise SubmissionError(TOO_MANY)
     except (zipfile.BadZipFile, tarfile.TarError, EOFError, OSError) as error:
         raise SubmissionError(f"it cannot be unpacked: {error}") from None
     if not count:
@@ -142,7 +198,7 @@ def _copy(entry: _Entry, target: Path, room: int) -> int:
         while block := entry.open.read(1 << 20):
             written += len(block)
             if written > room:
-                raise SubmissionError(f"it unpacks to more than {MOST_BYTES >> 20} MB")
+                raise SubmissionError(TOO_LARGE)
             file.write(block)
     target.chmod(0o755 if entry.executable else 0o644)
     return written

@@ -1,0 +1,56 @@
+"""An assignment with all that grading needs beside it, to be graded elsewhere: its secret and hidden scenes,
+and the scenes of its own with their references.
+"""
+
+import io
+import shutil
+import tempfile
+import zipfile
+from pathlib import Path
+
+from raycheck import references
+from raycheck.grading.assignment import Assignment
+from raycheck.grading.keys import private_folder
+from raycheck.renderers import NotFound
+
+ASSIGNMENT = "assignment.toml"
+
+
+def copy_assignment(assignment: Assignment, folder: Path) -> None:
+    """Into `folder`, the file under the name ASSIGNMENT."""
+    shutil.copy(assignment.path, folder / ASSIGNMENT)
+    shutil.copytree(private_folder(assignment.path), private_folder(folder / ASSIGNMENT), dirs_exist_ok=True)
+    for task in assignment.tasks:
+        for of in map(assignment.scene, task.scenes):
+            if of.canonical:
+                continue
+            root = assignment.path.parent.resolve()
+            for file in (of.path, *references.files_of(of.path, of.parameters), *of.folder.iterdir()):
+                if not file.resolve().is_relative_to(root):
+                    raise NotFound(f"{file}: the scenes of an assignment must be beside or below it")
+                target = folder / file.resolve().relative_to(root)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(file, target)
+
+
+def pack(assignment: Assignment) -> bytes:
+    """A zip of it."""
+    whole = io.BytesIO()
+    with tempfile.TemporaryDirectory(prefix="raycheck-") as place:
+        copy_assignment(assignment, Path(place))
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            write_all(archive, Path(place))
+    return whole.getvalue()
+
+
+def write_all(archive: zipfile.ZipFile, folder: Path) -> None:
+    """The files below a folder, by their names there."""
+    for file in sorted(p for p in folder.rglob("*") if p.is_file()):
+        archive.write(file, file.relative_to(folder))
+
+
+def unpack(data: bytes, folder: Path) -> Path:
+    """The assignment's file, in a folder that holds its secret from then on."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        archive.extractall(folder)
+    return folder / ASSIGNMENT
