@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -16,6 +15,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from building import ROOT
+from cluster import running
 from typer.testing import CliRunner
 
 from raycheck import pools, shards
@@ -214,26 +214,8 @@ def cluster(tmp_path: Path, oneray: Path, monkeypatch: pytest.MonkeyPatch) -> It
     )
     script.chmod(0o755)
     monkeypatch.setenv("ONERAY", str(script))
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    started: list[subprocess.Popen[bytes]] = []
-
-    def start(*words: str) -> None:
-        command = [sys.executable, "-m", "dask", *words]
-        with (tmp_path / f"{len(started)}.log").open("wb") as log:
-            started.append(subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log))
-
-    start("scheduler", "--host", address, "--no-dashboard")
-    while "Scheduler at" not in (tmp_path / "0.log").read_text():
-        assert started[0].poll() is None, (tmp_path / "0.log").read_text()
-        time.sleep(0.1)
-    for _ in range(3):
-        start("worker", address, "--no-nanny", "--nthreads", "1", "--no-dashboard")
-    yield address
-    for process in started:
-        process.kill()
-        process.wait()
+    with running(tmp_path, workers=3) as address:
+        yield address
     if (tmp_path / "hanging").exists():
         os.kill(int((tmp_path / "hanging").read_text()), signal.SIGKILL)
 

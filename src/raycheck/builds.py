@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from raycheck import references, renderers
+from raycheck import mutants, references, renderers
 from raycheck.grading.oneray_bundle import PROGRAM
 from raycheck.renderers import NotFound
 
@@ -19,6 +19,8 @@ class Build:
 
     raycheck: str = ""
     oneray: str = ""
+    sources: str = ""
+    """Of oneray in a checkout, and how mutants are made of them here."""
 
 
 def require(wanted: Build) -> None:
@@ -27,6 +29,23 @@ def require(wanted: Build) -> None:
         _refuse("raycheck", Path(__file__).parent)
     if wanted.oneray and oneray_hash() != wanted.oneray:
         _refuse("oneray", renderers.oneray_path())
+    if wanted.sources and _sources() != wanted.sources:
+        raise NotFound(
+            f"{mutants.ROOT} on {platform.node()} has other sources of oneray, or its processor lacks AVX2 "
+            "where another has it: calibrations need the same checkout on machines of one kind"
+        )
+
+
+def of_checkout() -> Build:
+    """What calibrations depend on."""
+    return Build(raycheck=raycheck_hash(), sources=mutants.program_path(None).parent.parent.name)
+
+
+def _sources() -> str:
+    try:
+        return mutants.program_path(None).parent.parent.name
+    except NotFound as error:
+        raise NotFound(f"{platform.node()}: {error}") from None
 
 
 def _refuse(what: str, path: Path) -> NoReturn:

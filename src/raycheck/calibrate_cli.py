@@ -1,5 +1,6 @@
 """raycheck calibrate: measure raycheck itself, into references/calibration.json.
 
+`nulls`, `mutants` and `gradings` are split over processes or machines, each of which needs the checkout.
 What measures is imported by the command that needs it: scipy.stats, for the rules of others, takes a second.
 """
 
@@ -9,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from raycheck import mutants, references
+from raycheck import mutants, pools, references
 from raycheck.cli_support import plain_errors, replace
 from raycheck.mutants import Mutant
 from raycheck.renderers import NotFound
@@ -21,6 +22,11 @@ Names = Annotated[list[str] | None, typer.Argument(metavar="[MUTANT]...", help="
 Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", help="Names; all by default.")]
 Folder = Annotated[
     Path, typer.Option("--work", metavar="DIR", help="Where results are kept, so that a run can go on.")
+]
+Jobs = Annotated[int | None, typer.Option(min=1, help="Processes here, one a core by default.")]
+Cluster = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="The scheduler of a Dask cluster, with a checkout on each machine."),
 ]
 Result = Annotated[
     Path | None,
@@ -34,6 +40,8 @@ def run_nulls(
         int, typer.Option(min=1, help="Of images, for each configuration; 8 verdicts each.")
     ] = 40,
     work: Folder = WORK,
+    jobs: Jobs = None,
+    dask: Cluster = None,
     json_file: Result = None,
 ) -> None:
     """False alarms: correct renderers judged with fresh seeds, and p-values that should be even."""
@@ -41,7 +49,7 @@ def run_nulls(
 
     with plain_errors():
         file = _ready(work) / "nulls.jsonl"
-        for found in nulls.measure_nulls(file, sets):
+        for found in nulls.measure_nulls(file, sets, pool=_pool(jobs, dask)):
             failed = [found.outcomes.count("FAIL"), found.whole == "FAIL"]
             typer.echo(f"{found.configuration} {found.index}: {'FALSE ALARM' if any(failed) else 'no alarm'}")
         summary = nulls.summary(file)
@@ -62,13 +70,19 @@ def mde(work: Folder = WORK, json_file: Result = None) -> None:
 
 
 @app.command(name="mutants")
-def run_mutants(names: Names = None, work: Folder = WORK, json_file: Result = None) -> None:
+def run_mutants(
+    names: Names = None,
+    work: Folder = WORK,
+    jobs: Jobs = None,
+    dask: Cluster = None,
+    json_file: Result = None,
+) -> None:
     """Kill rate, beside the rules of other projects on the same images."""
     from raycheck.calibration import kills
 
     with plain_errors():
         wanted, file = _wanted(names), _ready(work) / "kills.jsonl"
-        for found in kills.measure_kills(file, wanted):
+        for found in kills.measure_kills(file, wanted, _pool(jobs, dask)):
             rules = [rule for rule, rejected in found[0].rejected.items() if rejected]
             effect = "no image" if found[0].effect is None else f"{found[0].effect:.3g} detectable biases"
             typer.echo(f"{found[0].name} ({effect}): rejected by {', '.join(rules) or 'none'}")
@@ -111,6 +125,8 @@ def run_gradings(
     assignment: Annotated[Path, typer.Option(metavar="FILE.toml", help="Whose tasks are graded.")],
     count: Annotated[int, typer.Option(min=1, help="Of an honest program, with fresh keys each.")] = 500,
     work: Folder = WORK,
+    jobs: Jobs = None,
+    dask: Cluster = None,
     json_file: Result = None,
 ) -> None:
     """False failures of the grader: oneray graded as an honest program, many times over."""
@@ -122,9 +138,15 @@ def run_gradings(
     with plain_errors():
         asked = gradings.quick(read_assignment(assignment))
         grader, file = Grader.prepare(asked, Tier.NONE), _ready(work) / "gradings.jsonl"
-        for found in gradings.measure(file, grader, count):
+        for found in gradings.measure(file, grader, count, _pool(jobs, dask)):
             typer.echo(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
         _put("gradings", gradings.summary(file, gradings.digest_of(grader)), json_file)
+
+
+def _pool(jobs: int | None, dask: str | None) -> pools.Pool | None:
+    """None is this process."""
+    pool = pools.chosen(jobs, dask)
+    return None if pool == pools.Here(1) else pool
 
 
 def _wanted(names: list[str] | None) -> list[Mutant]:

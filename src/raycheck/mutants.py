@@ -18,6 +18,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from raycheck.pools import one_process
 from raycheck.renderers import NotFound
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -112,11 +113,8 @@ def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path
     """
     base = program_path(None, cache).parent.parent
     if not (base / "build/libraries").is_file():
-        cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix="building-", dir=cache) as folder:
-            build(None, Path(folder) / "copy")
-            shutil.rmtree(base, ignore_errors=True)
-            (Path(folder) / "copy").replace(base)
+        with one_process(cache):
+            _build_base(base, cache)
     found = program_path(mutant, cache)
     target = found.parent
     if mutant and not target.is_dir():
@@ -126,8 +124,21 @@ def program(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path
             kept.mkdir()
             for path in (oneray, oneray.with_name("many-seeds")):
                 path.replace(kept / path.name)
-            kept.replace(target)
+            try:
+                kept.replace(target)
+            except OSError:  # another process was first
+                if not target.is_dir():
+                    raise
     return found
+
+
+def _build_base(base: Path, cache: Path) -> None:
+    if (base / "build/libraries").is_file():
+        return
+    with tempfile.TemporaryDirectory(prefix="building-", dir=cache) as folder:
+        build(None, Path(folder) / "copy")
+        shutil.rmtree(base, ignore_errors=True)
+        (Path(folder) / "copy").replace(base)
 
 
 def program_path(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") -> Path:

@@ -84,6 +84,18 @@ def ended(name: str, status: int) -> Lost:
     return Lost(f"{name} was ended by {how}")
 
 
+@contextlib.contextmanager
+def one_process(folder: Path) -> Iterator[None]:
+    """At a time, of all that ask for this folder on this machine; not on Windows."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        with contextlib.suppress(ImportError):
+            import fcntl
+
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 class Pool(Protocol):
     def run(self, work: Work, pieces: Pieces, on_lost: OnLost | None = None) -> Iterator[tuple[int, bytes]]:
         """work(*piece) for each piece, exactly once each: index and result, in whatever order they come."""
@@ -190,10 +202,9 @@ class Dask:
                     left.append(index)
                     submit()
                     continue
-                lost = Lost(f"lost with its worker {ATTEMPTS} times: {error}")
                 if not on_lost:
-                    raise lost from None
-                result = on_lost(index, lost)
+                    raise Lost(f"lost with its worker {ATTEMPTS} times: {error}") from None
+                result = on_lost(index, error)
             submit()
             yield index, result
 

@@ -8,20 +8,24 @@ tell PASS from INCONCLUSIVE, and has no part in a FAIL.
 
 import hashlib
 import json
-import os
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from scipy import stats
 
-from raycheck import mutants
-from raycheck.calibration.nulls import read_lines
-from raycheck.grading.assignment import Assignment, Limits
+from raycheck import apart, builds, mutants
+from raycheck.builds import Build
+from raycheck.calibration.lines import append_lines, read_lines
+from raycheck.grading import assignment_bundle
+from raycheck.grading.assignment import Assignment, Limits, read_assignment
 from raycheck.grading.judge import Grader
 from raycheck.grading.keys import Keys
+from raycheck.grading.sandbox import Tier
 from raycheck.grading.simulated import Simulated
+from raycheck.pools import Pool
 from raycheck.techniques import BEST
 from raycheck.verdict import Outcome
 
@@ -71,25 +75,38 @@ def grade_honest(grader: Grader, index: int, digest: str) -> Grading:
 
 def digest_of(grader: Grader) -> str:
     """Of the program and of what is asked."""
-    what = (mutants.program(None).parent.parent.name, grader.assignment.tasks)
+    what = (mutants.program_path(None).parent.parent.name, grader.assignment.tasks)
     return hashlib.sha256(repr(what).encode()).hexdigest()[:16]
 
 
-def measure(file: Path, grader: Grader, count: int) -> Iterator[Grading]:
-    """Gradings 0 … count − 1; those that `file` has of the same program and assignment are kept."""
-    digest = digest_of(grader)
+def one_grading(assignment: bytes, index: int, digest: str, build: Build) -> bytes:
+    """`grade_honest` as JSON: a piece of `measure`. `assignment` is of `assignment_bundle.pack`."""
+    builds.require(build)
+    with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
+        asked = quick(read_assignment(assignment_bundle.unpack(assignment, Path(folder))))
+        found = grade_honest(Grader.prepare(asked, Tier.NONE), index, digest)
+    return json.dumps(asdict(found)).encode()
+
+
+def measure(file: Path, grader: Grader, count: int, pool: Pool | None = None) -> Iterator[Grading]:
+    """Gradings 0 … count − 1 of a `quick` assignment; those that `file` has of the same program and tasks
+    are kept.
+    """
+    digest, build = digest_of(grader), builds.of_checkout()
     done = {line["index"] for line in read_lines(file) if line["digest"] == digest}
-    for index in sorted(set(range(count)) - done):
-        found = grade_honest(grader, index, digest)
-        with file.open("a", encoding="utf-8") as lines:
-            lines.write(json.dumps(found.__dict__) + "\n")
-            os.fsync(lines.fileno())
-        yield found
+    assignment = assignment_bundle.pack(grader.assignment)
+    pieces = [(assignment, index, digest, build) for index in sorted(set(range(count)) - done)]
+    for _, data in apart.run(pool, one_grading, pieces):
+        found = json.loads(data)
+        append_lines(file, [found])
+        yield Grading(**found)
 
 
 def summary(file: Path, digest: str) -> dict[str, object]:
     """Failures, and the upper bound of their rate: Clopper and Pearson, one-sided."""
-    lines = [line for line in read_lines(file) if line["digest"] == digest]
+    lines = sorted(
+        (line for line in read_lines(file) if line["digest"] == digest), key=lambda line: line["index"]
+    )
     failed = sum("FAIL" in line["verdicts"].values() for line in lines)
     outcomes = Counter(v for line in lines for v in line["verdicts"].values())
     verdicts = sum(outcomes.values())

@@ -6,17 +6,21 @@ the images are mixed with those of the correct program from the same seeds, whic
 
 import functools
 import json
+import platform
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants
+from raycheck import apart, builds, mutants
+from raycheck.builds import Build
 from raycheck.calibration import rivals, trials
-from raycheck.calibration.nulls import read_lines
+from raycheck.calibration.lines import append_lines, read_lines
 from raycheck.mutants import Mutant
+from raycheck.pools import Pool
+from raycheck.renderers import NotFound
 from raycheck.tiles import region_means
 from raycheck.truth import Truth
 from raycheck.verify import PILOT_IMAGES
@@ -90,25 +94,39 @@ def _effect(images: Array, pilot: Array, broken: Array, truth: Truth) -> float:
     return float(np.max(np.where(mde > 0, bias / np.where(mde > 0, mde, 1.0), np.where(bias > 0, np.inf, 0))))
 
 
-def measure_kills(file: Path, wanted: Sequence[Mutant]) -> Iterator[list[Kill]]:
-    """What `file` has of the same program is kept, the others are added to it."""
+def one_mutant(name: str, digest: str, build: Build) -> bytes:
+    """`judge_mutant` as JSON: a piece of `measure_kills`. `digest` names the mutant's program."""
+    builds.require(build)
+    mutant = mutants.read(mutants.FOLDER / f"{name}.patch")
+    if mutants.program_path(mutant).parent.name != digest:
+        raise NotFound(f"{mutant.patch} on {platform.node()} is another patch: the same checkout is needed")
+    truth = trials.load_truth(mutant.scene)
+    found = judge_mutant(mutant, mutants.program(mutant), mutants.program(None), truth)
+    return json.dumps([asdict(one) for one in found]).encode()
+
+
+def measure_kills(file: Path, wanted: Sequence[Mutant], pool: Pool | None = None) -> Iterator[list[Kill]]:
+    """What `file` has of the same program is kept, the others are added to it as they come."""
     done = {(line["name"], line["digest"]) for line in read_lines(file)}
-    for mutant in sorted(wanted, key=lambda m: (m.scene, m.shows)):
-        program = mutants.program(mutant)
-        if (mutant.name, program.parent.name) in done:
-            continue
-        truth = trials.load_truth(mutant.scene)
-        found = judge_mutant(mutant, program, mutants.program(None), truth)
-        with file.open("a", encoding="utf-8") as lines:
-            lines.writelines(json.dumps(one.__dict__) + "\n" for one in found)
-        yield found
+    build = builds.of_checkout()
+    programs = [(m.name, mutants.program_path(m).parent.name) for m in sorted(wanted, key=_images_of)]
+    pieces = [(*program, build) for program in programs if program not in done]
+    for _, data in apart.run(pool, one_mutant, pieces):
+        found = json.loads(data)
+        append_lines(file, found)
+        yield [Kill(**one) for one in found]
+
+
+def _images_of(mutant: Mutant) -> tuple[str, str]:
+    """Mutants that are compared with the same correct images come one after another."""
+    return mutant.scene, mutant.shows
 
 
 def summary(file: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
     """Kill rates by rule, as they are and by effect; the survivors; what is said of equivalents."""
     latest = {(line["name"], line["strength"]): line for line in read_lines(file)}
     names = {mutant.name for mutant in wanted}
-    lines = [line for line in latest.values() if line["name"] in names]
+    lines = [latest[key] for key in sorted(latest) if key[0] in names]
     whole = [line for line in lines if line["strength"] == 1]
     broken = [line for line in whole if line["kind"] != "equivalent"]
     right = [line for line in whole if line["kind"] == "equivalent"]

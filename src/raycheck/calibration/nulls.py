@@ -4,18 +4,22 @@ A set is 8 pilot images and twice 32 judged ones. It gives a verdict on the whol
 of eight parts, whose pixels are independent of each other: those on the parts are what is counted.
 """
 
+import functools
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants, references
+from raycheck import apart, builds, mutants, references
 from raycheck import statistics as st
+from raycheck.builds import Build
 from raycheck.calibration import rivals, trials
+from raycheck.calibration.lines import append_lines, read_lines
+from raycheck.pools import Pool
 from raycheck.seeds import make_seeds
 from raycheck.tiles import Tile
 from raycheck.truth import Truth
@@ -197,36 +201,40 @@ def judge_set(configuration: Configuration, index: int, render: Render, truth: T
     )  # fmt: skip
 
 
+def one_set(configuration: Configuration, index: int, build: Build) -> bytes:
+    """`judge_set` as JSON: a piece of `measure_nulls`."""
+    builds.require(build)
+    found = judge_set(configuration, index, *_ready(configuration))
+    return json.dumps(asdict(found)).encode()
+
+
+@functools.lru_cache(maxsize=len(CONFIGURATIONS))
+def _ready(configuration: Configuration) -> tuple[Render, Truth]:
+    make = mitsuba_render if configuration.by == "mitsuba" else oneray_render
+    return make(configuration), trials.load_truth(configuration.scene)
+
+
 def measure_nulls(
-    file: Path, sets: int, configurations: Sequence[Configuration] = CONFIGURATIONS
+    file: Path, sets: int, configurations: Sequence[Configuration] = CONFIGURATIONS, pool: Pool | None = None
 ) -> Iterator[Set]:
-    """`sets` sets of each configuration, in turn; what `file` has is kept, new ones are added to it."""
+    """`sets` sets of each configuration; what `file` has is kept, new ones are added to it as they come."""
     done = {(line["configuration"], line["index"]) for line in read_lines(file)}
-    ready = {}
-    for index in range(sets):
-        for one in configurations:
-            if (one.label, index) in done:
-                continue
-            if one not in ready:
-                make = mitsuba_render if one.by == "mitsuba" else oneray_render
-                ready[one] = (make(one), trials.load_truth(one.scene))
-            found = judge_set(one, index, *ready[one])
-            with file.open("a", encoding="utf-8") as lines:
-                lines.write(json.dumps(found.__dict__) + "\n")
-            yield found
-
-
-def read_lines(file: Path) -> list[dict]:
-    """The lines of a file of JSON; none if there is no file. A last line that was cut off is left out."""
-    if not file.is_file():
-        return []
-    lines = file.read_text(encoding="utf-8").split("\n")
-    return [json.loads(line) for line in lines[:-1]]
+    build = builds.of_checkout()
+    pieces = [
+        (one, index, build)
+        for index in range(sets)
+        for one in configurations
+        if (one.label, index) not in done
+    ]
+    for _, data in apart.run(pool, one_set, pieces):
+        found = json.loads(data)
+        append_lines(file, [found])
+        yield Set(**found)
 
 
 def summary(file: Path) -> dict[str, object]:
     """False alarms, p-values and powers of all sets in the file."""
-    sets = read_lines(file)
+    sets = sorted(read_lines(file), key=lambda line: (line["configuration"], line["index"]))
     p: Counter = Counter()
     for line in sets:
         p.update(line["p"])

@@ -5,10 +5,8 @@ The camera is turned about what it looks at and each light's colour is scaled; w
 the secret. The reference is oneray's, made once and kept with the scene.
 """
 
-import contextlib
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 
 from raycheck import reference_making, references, renderers
 from raycheck.grading.keys import Keys
+from raycheck.pools import one_process
 from raycheck.references import Variant
 from raycheck.techniques import BEST, technique
 
@@ -46,24 +45,14 @@ def pool_index(of: Variant, student: str, count: int, keys: Keys) -> int:
 
 def pool_variant(of: Variant, index: int, keys: Keys, folder: Path) -> Variant:
     """One of the pool, made where it is missing; without a reference."""
-    with _one_process(folder):
+    with one_process(folder):
         return _scene_file(of, f"{of.label}/pool {index}", f"pool{index + 1}", keys, folder)
 
 
 def with_reference(made: Variant) -> Variant:
     """The same, its reference made where it is missing, by one process at a time."""
-    with _one_process(made.path.parent):
+    with one_process(made.path.parent):
         return _with_reference(made)
-
-
-@contextlib.contextmanager
-def _one_process(folder: Path) -> Iterator[None]:
-    import fcntl  # POSIX alone
-
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) -> Variant:
