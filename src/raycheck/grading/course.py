@@ -27,6 +27,7 @@ from raycheck.renderers import NotFound
 from raycheck.verdict import Outcome
 
 RESULT = "result.json"
+TEACHERS = "teacher.html"
 
 
 @dataclass(frozen=True)
@@ -146,8 +147,11 @@ def write_student(assignment: Assignment, result: StudentResult, out: Path) -> N
 
 
 def write_for_student(assignment: Assignment, result: StudentResult, folder: Path) -> None:
-    """The page, Gradescope's results and JUnit."""
+    """The page, Gradescope's results and JUnit, which tell nothing of hidden scenes; beside them the page
+    that the teacher reads.
+    """
     replace(folder / "index.html", student_page(assignment, result))
+    replace(folder / TEACHERS, student_page(assignment, result, everything=True))
     replace(folder / "results.json", results_json(result))
     replace(folder / "junit.xml", junit_xml([result]))
 
@@ -160,6 +164,6 @@ def write_class(
     for result in results:
         if apply_overrides(result, overrides):
             write_for_student(assignment, result, student_folder(out, result.student))
-    pages = {r.student: f"students/{folder_name(r.student)}/index.html" for r in results}
+    pages = {r.student: f"students/{folder_name(r.student)}/{TEACHERS}" for r in results}
     replace(out / "grades.csv", grades_csv(assignment, results, roster))
     replace(out / "index.html", course_page(assignment, results, pages))
