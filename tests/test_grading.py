@@ -5,7 +5,6 @@ import io
 import json
 import math
 import os
-import re
 import signal
 import socket
 import subprocess
@@ -237,7 +236,7 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"/dev/tcp/127.0.0.1/{server.getsockname()[1]}"
         subprocess.run(["bash", "-c", f"exec 3<>{address}"], check=True)
-        assert re.search("refused|denied", problem(f"bash -c 'exec 3<>{address}'"))
+        assert "denied" in problem(f"bash -c 'exec 3<>{address}'")  # by the filter, which all of them have
 
 
 def alive(command: str, user: int | None) -> bool:
