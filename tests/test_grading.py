@@ -437,7 +437,7 @@ def test_each_student_gets_a_page_with_the_reason_and_the_lecture_s_argument(gra
     assert "too bright" in page and "The lecture's argument: " in page
     assert "Divide by d²." in page and "data:image/png" in page and "http" not in page
     whole = (graded / "index.html").read_text(encoding="utf-8")
-    assert "students/two-mistakes/index.html" in whole and "The build failed" not in whole
+    assert "students/two-mistakes/teacher.html" in whole and "The build failed" not in whole
 
 
 def test_what_is_graded_is_kept_and_what_has_changed_is_graded_anew(graded: Path, monkeypatch) -> None:
