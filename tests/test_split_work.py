@@ -187,12 +187,12 @@ def test_jobs_and_a_cluster_are_one_too_many(command: str, tmp_path, monkeypatch
 
 
 def test_nulls_and_gradings_are_the_same_by_two_processes(tmp_path: Path) -> None:
-    (tmp_path / "a.toml").write_text(TASKS.replace("hidden = 1\n", ""), encoding="utf-8")
+    (tmp_path / "a.toml").write_text(TASKS.partition("hidden")[0], encoding="utf-8")
     asked = gradings.quick(read_assignment(tmp_path / "a.toml"))
     found = []
     for pool in (None, pools.Here(2)):
         sets, honest = tmp_path / f"{len(found)}-nulls.jsonl", tmp_path / f"{len(found)}-gradings.jsonl"
-        assert len(list(nulls.measure_nulls(sets, 2, nulls.CONFIGURATIONS[:1], pool))) == 2
+        assert len(list(nulls.measure_nulls(sets, 2, nulls.CONFIGURATIONS[3:4], pool))) == 2
         grader = Grader.prepare(asked, Tier.NONE)
         assert len(list(gradings.measure(honest, grader, 2, pool))) == 2
         found.append((nulls.summary(sets), gradings.summary(honest, gradings.digest_of(grader))))

@@ -5,6 +5,7 @@ such children, and one process that is killed ends all of a pool.
 python -m raycheck.apart answers (work, piece, fork) on standard input, pickled, with a result or an error.
 """
 
+import contextlib
 import os
 import pickle
 import subprocess
@@ -34,6 +35,8 @@ class Helper:
         running.add(self.process)
         if self.process.stdout.read(len(READY)) != READY:
             status = self.process.wait()
+            if status < 0:
+                raise ended("the process", status)
             raise NotFound(f"{' '.join(words)} does not start: exit status {status}")
 
     def ask(self, *what: Any) -> Any:
@@ -43,10 +46,12 @@ class Helper:
             self.process.stdin.flush()
             return pickle.load(self.process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError):
+            self.process.kill()  # nothing if it has ended
             raise ended("the process", self.process.wait()) from None
 
     def __del__(self) -> None:
-        self.process.stdin.close()
+        with contextlib.suppress(OSError):  # what was left to be sent to one that has ended
+            self.process.stdin.close()
         self.process.stdout.close()
         self.process.wait()
 
@@ -107,8 +112,12 @@ def _serve() -> None:
             work, piece, fork = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        pickle.dump((_forked if fork else _answer)(work, piece), answers)
-        answers.flush()
+        answer = (_forked if fork else _answer)(work, piece)
+        try:
+            pickle.dump(answer, answers)
+            answers.flush()
+        except BrokenPipeError:  # whoever asked has been killed
+            os._exit(1)
 
 
 if __name__ == "__main__":

@@ -20,8 +20,8 @@ from raycheck.grading.results import StudentResult
 from raycheck.renderers import NotFound
 from raycheck.verdict import Outcome
 
-STUDENT_SPEED = 1e6
-"""Paths a second: what a careful student's program traces on one core."""
+STUDENT_SPEED = 3e5
+"""Paths a second: what tests/submissions/honest traces of cornell-box, its slowest scene, on one core."""
 PLATFORM_SECONDS = 600.0
 """Gradescope's, by default."""
 COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}

@@ -199,7 +199,17 @@ def files_of(path: Path, parameters: Mapping[str, str] | None = None) -> list[Pa
 def read_manifest(folder: Path | None = None) -> dict[str, Any]:
     """manifest.json of a folder of references (the package's by default), empty if there is none yet."""
     path = (folder or references_dir()) / "manifest.json"
-    return json.loads(path.read_text()) if path.is_file() else {}
+    if not path.is_file():
+        return {}
+    found = path.stat()
+    return dict(_parsed(path, (found.st_mtime_ns, found.st_size, found.st_ino)))
+
+
+@functools.lru_cache(maxsize=8)
+def _parsed(path: Path, version: tuple[int, ...]) -> dict[str, Any]:
+    """A manifest of that time, size and number: thousands of lines that each scene asks for."""
+    del version
+    return json.loads(path.read_text())
 
 
 def is_fresh(wanted: Variant) -> bool:

@@ -25,7 +25,8 @@ def copy_assignment(assignment: Assignment, folder: Path) -> None:
             if of.canonical:
                 continue
             root = assignment.path.parent.resolve()
-            for file in (of.path, *references.files_of(of.path, of.parameters), *of.folder.iterdir()):
+            made = (path for path in of.folder.iterdir() if path.is_file())
+            for file in (of.path, *references.files_of(of.path, of.parameters), *made):
                 if not file.resolve().is_relative_to(root):
                     raise NotFound(f"{file}: the scenes of an assignment must be beside or below it")
                 target = folder / file.resolve().relative_to(root)

@@ -132,41 +132,61 @@ class _Compare(ctypes.Structure):
     ]
 
 
+class Filter:
+    """Of system calls, in the making: all are allowed but those that are forbidden."""
+
+    def __init__(self) -> None:
+        self.library = ctypes.CDLL("libseccomp.so.2")
+        self.library.seccomp_init.restype = ctypes.c_void_p
+        self.context = ctypes.c_void_p(self.library.seccomp_init(ctypes.c_uint32(ALLOW)))
+        for name in FORBIDDEN:
+            self.forbid(name, errno.EACCES)
+        for name in ON_OTHERS:
+            self.forbid(name, when=_Compare(_OTHERS_ARGUMENT.get(name, 0), NOT_EQUAL, 0, 0))
+        self.forbid("clone", when=_Compare(0, MASKED_EQUAL, CLONE_NEWUSER, CLONE_NEWUSER))
+        self.forbid("clone3", errno.ENOSYS)  # its flags are out of sight; the C library goes on with clone
+
+    def forbid(self, name: str, answer: int = errno.EPERM, when: _Compare | None = None) -> None:
+        """Answer a call, `when` that holds, with that error and nothing else; 0 is success."""
+        number = self.library.seccomp_syscall_resolve_name(name.encode())
+        if number == -1:  # a name that this library does not know, its kernel hardly does
+            return
+        action, count = ctypes.c_uint32(ERRNO | answer), 0 if when is None else 1
+        added = self.library.seccomp_rule_add_array(
+            self.context, action, number, count, ctypes.byref(when) if when else None
+        )
+        if added and number >= 0:  # below 0: this architecture has no such call
+            raise OSError(-added, f"no filter for {name}: {os.strerror(-added)}")
+
+    def load(self) -> None:
+        """For the whole life of this process and all that it starts."""
+        result = self.library.seccomp_load(self.context)
+        if result:
+            raise OSError(-result, f"seccomp_load: {os.strerror(-result)}")
+
+    def program(self) -> bytes:
+        """As the kernel takes it."""
+        with os.fdopen(os.memfd_create("filter"), "r+b") as file:
+            result = self.library.seccomp_export_bpf(self.context, file.fileno())
+            if result:
+                raise OSError(-result, f"seccomp_export_bpf: {os.strerror(-result)}")
+            file.seek(0)
+            return file.read()
+
+
 def load_filter(rules: Rules) -> None:
-    """Forbid system calls, for the whole life of this process and all that it starts."""
-    seccomp = ctypes.CDLL("libseccomp.so.2")
-    seccomp.seccomp_init.restype = ctypes.c_void_p
-    context = ctypes.c_void_p(seccomp.seccomp_init(ctypes.c_uint32(ALLOW)))
-
-    def forbid(name: str, answer: int = errno.EPERM, when: _Compare | None = None) -> None:
-        number = seccomp.seccomp_syscall_resolve_name(name.encode())
-        if number != -1:  # a name that this library does not know, its kernel hardly does
-            action = ctypes.c_uint32(ERRNO | answer)
-            count = 0 if when is None else 1
-            added = seccomp.seccomp_rule_add_array(
-                context, action, number, count, ctypes.byref(when) if when else None
-            )
-            if added and number >= 0:  # below 0: this architecture has no such call
-                raise OSError(-added, f"no filter for {name}: {os.strerror(-added)}")
-
-    for name in FORBIDDEN:
-        forbid(name, errno.EACCES)
-    for name in ON_OTHERS:
-        forbid(name, when=_Compare(_OTHERS_ARGUMENT.get(name, 0), NOT_EQUAL, 0, 0))
-    forbid("clone", when=_Compare(0, MASKED_EQUAL, CLONE_NEWUSER, CLONE_NEWUSER))
-    forbid("clone3", errno.ENOSYS)  # its flags are out of a filter's sight; the C library goes on with clone
+    """Forbid what the name spaces of a stronger jail would keep from this one, and the rest."""
+    forbidden = Filter()
     abi = landlock_abi() if rules.landlock else 0
     if rules.user is None and abi < SCOPE_ABI:
         for name in SIGNALS:
-            forbid(name)
+            forbidden.forbid(name)
     if rules.user is None and abi < TRUNCATE_ABI:
-        forbid("truncate")
+        forbidden.forbid("truncate")
     if not rules.building:
         for name in ATTRIBUTES:
-            forbid(name, 0)
-    result = seccomp.seccomp_load(context)
-    if result:
-        raise OSError(-result, f"seccomp_load: {os.strerror(-result)}")
+            forbidden.forbid(name, 0)
+    forbidden.load()
 
 
 def become(rules: Rules, words: list[str], info: int) -> None:

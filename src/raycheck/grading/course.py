@@ -30,6 +30,7 @@ from raycheck.pools import ATTEMPTS, Lost, Pool
 from raycheck.renderers import NotFound
 
 RESULT = "result.json"
+TEACHERS = "teacher.html"
 
 
 @dataclass(frozen=True)
@@ -167,8 +168,11 @@ def write_student(assignment: Assignment, result: StudentResult, out: Path) -> N
 
 
 def write_for_student(assignment: Assignment, result: StudentResult, folder: Path) -> None:
-    """The page, Gradescope's results and JUnit."""
+    """The page, Gradescope's results and JUnit, which tell nothing of hidden scenes; beside them the page
+    that the teacher reads.
+    """
     write_whole(folder / "index.html", student_page(assignment, result))
+    write_whole(folder / TEACHERS, student_page(assignment, result, everything=True))
     write_whole(folder / "results.json", results_json(result))
     write_whole(folder / "junit.xml", junit_xml([result]))
 
@@ -181,6 +185,6 @@ def write_class(
     for result in results:
         if apply_overrides(result, overrides):
             write_for_student(assignment, result, student_folder(out, result.student))
-    pages = {r.student: f"students/{folder_name(r.student)}/index.html" for r in results}
+    pages = {r.student: f"students/{folder_name(r.student)}/{TEACHERS}" for r in results}
     write_whole(out / "grades.csv", grades_csv(assignment, results, roster))
     write_whole(out / "index.html", course_page(assignment, results, pages))

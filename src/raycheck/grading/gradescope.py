@@ -63,8 +63,6 @@ def _test(task: TaskResult, index: int) -> dict[str, Any]:
 
 def _line(scene: SceneResult) -> str:
     """What the student reads of a scene."""
-    if scene.hidden:  # what a program said or how far it is off would tell the hidden scene
-        return f"{scene.scene} (hidden variant): {scene.verdict.value}"
-    where = scene.scene
-    hint = f" The lecture's argument: {scene.mistake}." if scene.mistake else ""
-    return f"{where}: {scene.verdict.value}: {sentence(scene.reason)}{hint}"
+    where = f"{scene.scene} (hidden variant)" if scene.hidden else scene.scene
+    hint = f" The lecture's argument: {scene.mistake}." if scene.mistake and not scene.secret else ""
+    return f"{where}: {scene.verdict.value}: {sentence(scene.told)}{hint}"

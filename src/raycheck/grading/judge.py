@@ -35,7 +35,7 @@ from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.references import Variant
-from raycheck.renderers import NotFound, RenderError, RenderTimeout
+from raycheck.renderers import RenderError, RenderTimeout
 from raycheck.seeds import make_seeds
 from raycheck.tiles import region_means
 from raycheck.truth import truth_of
@@ -166,39 +166,43 @@ class Grader:
             what = f"pictures/{task.id}, which is empty" if task.accepts == PICTURES else "a program"
             nothing = SceneResult(task.scenes[0], False, Outcome.FAIL, f"this task asks for {what}")
             return points.earned(self.assignment, task, [nothing])
-        scenes, jail = [], attempt.jail
+        scenes: list[SceneResult] = []
         for number, (of, name, hidden) in enumerate(self.scenes[task.id]):
             if hidden and scenes[-1].verdict is Outcome.FAIL:
                 scenes.append(SceneResult(name, True, Outcome.FAIL, NOT_TRIED))
-                continue
-            if jail.left() <= 0:
+            elif attempt.jail.left() <= 0:
                 scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, OVER))
-                continue
-            jail = jail.within(jail.left())
-            work = attempt.place / f"{task.id}-{number}".replace("/", "_")
-            (work / "scratch").mkdir(parents=True, mode=0o711)
-            size = write_scene(of, name, work / "scene")
-            purpose = f"{task.id}/{of.label}/{attempt.digest if hidden else ''}"
-            try:
-                program = Program(
-                    jail, attempt.submission.folder, attempt.command, work / "scene", name, size, task.id,
-                    work / "scratch", attempt.decoder,
-                )  # fmt: skip
-                if hidden and not program.reads_scene:
-                    scenes.append(SceneResult(name, True, Outcome.FAIL, UNREADABLE))
-                    continue
-                found = self.judge(task, of, name, hidden, program, purpose)
-                found.pictures = _pictures(
-                    max(program.pictures.values(), key=len, default=[]), of, secret=hidden
-                )
-                if task.measures_speed and not hidden and found.verdict is Outcome.PASS:
-                    found.speed = self._speed(task, program, purpose)
-                scenes.append(found)
-            except RenderTimeout as error:
-                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error)))
-            except (RenderError, NotFound) as error:
-                scenes.append(SceneResult(name, hidden, Outcome.FAIL, str(error)))
+            else:
+                work = attempt.place / f"{task.id}-{number}".replace("/", "_")
+                scenes.append(self._scene(task, of, name, hidden, attempt, work))
         return points.earned(self.assignment, task, scenes)
+
+    def _scene(
+        self, task: Task, of: Variant, name: str, hidden: bool, attempt: "Attempt", work: Path
+    ) -> SceneResult:
+        """The program on one scene, in the new folder `work`."""
+        (work / "scratch").mkdir(parents=True, mode=0o711)
+        size = write_scene(of, name, work / "scene")
+        purpose = f"{task.id}/{of.label}/{attempt.digest if hidden else ''}"
+        jail = attempt.jail.within(attempt.jail.left())
+        try:
+            program = Program(
+                jail, attempt.submission.folder, attempt.command, work / "scene", name, size, task.id,
+                work / "scratch", attempt.decoder,
+            )  # fmt: skip
+            if hidden and not program.reads_scene:
+                return SceneResult(name, True, Outcome.FAIL, UNREADABLE)
+            found = self.judge(task, of, name, hidden, program, purpose)
+            made = max(program.pictures.values(), key=len, default=[])
+            found.pictures = _pictures(made, of, secret=hidden)
+            if task.measures_speed and not hidden and found.verdict is Outcome.PASS:
+                found.speed = self._speed(task, program, purpose)
+        except RenderTimeout as error:
+            found = SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error))
+        except RenderError as error:
+            found = SceneResult(name, hidden, Outcome.FAIL, str(error))
+        found.secret = hidden
+        return found
 
     def judge(
         self, task: Task, of: Variant, name: str, hidden: bool, program: Program | Simulated, purpose: str

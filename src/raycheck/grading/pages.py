@@ -41,8 +41,10 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def student_page(assignment: Assignment, result: StudentResult) -> str:
-    return _environment().get_template("student.html").render(assignment=assignment, result=result)
+def student_page(assignment: Assignment, result: StudentResult, everything: bool = False) -> str:
+    """What the student reads, or with everything, also of hidden scenes, what the teacher does."""
+    template = _environment().get_template("student.html")
+    return template.render(assignment=assignment, result=result, everything=everything)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,14 @@ from raycheck.grading.assignment import Limits
 from raycheck.grading.pixels import Decoder, take_picture
 from raycheck.grading.sandbox import Jail
 from raycheck.references import Variant
-from raycheck.renderers import RenderError, Rendering, RenderTimeout, TakesPlaceholders, split_command
+from raycheck.renderers import (
+    NotFound,
+    RenderError,
+    Rendering,
+    RenderTimeout,
+    TakesPlaceholders,
+    split_command,
+)
 from raycheck.scene_reader import read_scene
 
 Array = NDArray[np.float64]
@@ -97,7 +104,10 @@ class Program(Taken, TakesPlaceholders):
     decoder: Decoder
 
     def __post_init__(self) -> None:
-        self.words = split_command(self.command)
+        try:
+            self.words = split_command(self.command)
+        except NotFound as error:
+            raise RenderError(str(error)) from None
         if not self.takes("{output}"):
             raise RenderError("the run command has no {output}: say where the picture is to be written")
 

@@ -9,6 +9,7 @@ from raycheck.verdict import Outcome
 
 NOT_EXECUTED = "not executed"
 """What every page and file says of pictures that were handed in."""
+UNTOLD = "nothing more is told of a hidden scene"
 
 
 @dataclass
@@ -37,7 +38,14 @@ class SceneResult:
     """Ratio of seconds, low, high, seconds of a picture, technique."""
     seconds: float = 0.0
     pictures: list[dict[str, str]] = field(default_factory=list)
-    """Data URIs and captions for the student's page."""
+    """Data URIs and captions for the page."""
+    secret: bool = False
+    """What the program said there, how far it is off and its pictures would tell a hidden scene."""
+
+    @property
+    def told(self) -> str:
+        """What a student may read in place of the reason."""
+        return UNTOLD if self.secret else self.reason
 
 
 @dataclass

@@ -2,14 +2,16 @@
 
 With bubblewrap the program sees /usr, its own folder read-only, the scene, a temporary file system of limited
 size and one folder for its picture; no network, no other process, no capabilities, no way to more name
-spaces. Where name spaces are blocked, as in most containers, confine.py does it with Landlock and a filter
-of system calls, or as root, where the kernel has no Landlock, with another user and the filter alone. As root
+spaces, and a filter forbids system calls that no renderer needs. Where name spaces are blocked, as in most
+containers, confine.py does it with Landlock and a longer filter, or as root, where the kernel has no
+Landlock, with another user and the filter alone. As root
 the user is changed before, so that limits on processes hold. Limits of one process are rlimits; the memory of
 all together and the size of what they write are watched, and the jail is killed beyond. Nothing is read
 before every process of the jail is dead.
 """
 
 import contextlib
+import functools
 import json
 import math
 import os
@@ -27,6 +29,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -162,7 +165,11 @@ class Jail:
             command += ["/usr/bin/setpriv", *ids, "--"]
         command += _bubblewrap(self.limits, folder, writable, readable or {}, output)
         command += [*_prlimit(self.limits, seconds), *words]
-        return _watch(self, lambda info: _popen(command, info=info), seconds, sizes)
+        with os.fdopen(os.memfd_create("filter"), "r+b") as file:
+            file.write(_filter())
+            file.seek(0)
+            start = partial(_popen, command, filter_=file.fileno())
+            return _watch(self, lambda info: start(info=info), seconds, sizes)
 
     def _confined(
         self, words: list[str], seconds: float, folder: Path, writable: bool, readable: Mapping[Path, str],
@@ -257,7 +264,17 @@ def _bubblewrap(
         words += ["--ro-bind", str(outside), inside]
     if output is not None:
         words += ["--bind", str(output), "/out"]
-    return [*words, "--remount-ro", "/", "--chdir", "/submission", "--info-fd", "{info}", "--"]
+    words += ["--remount-ro", "/", "--chdir", "/submission"]
+    return [*words, "--seccomp", "{filter}", "--info-fd", "{info}", "--"]
+
+
+@functools.lru_cache(maxsize=1)
+def _filter() -> bytes:
+    """Of system calls; NotFound where the library that makes it is missing."""
+    try:
+        return confine.Filter().program()
+    except OSError as error:
+        raise NotFound(f"no filter of system calls (Debian's package libseccomp2): {error}") from None
 
 
 def _rlimits(limits: Limits, seconds: float) -> dict[str, int]:
@@ -274,13 +291,16 @@ def _prlimit(limits: Limits, seconds: float) -> list[str]:
     return ["/usr/bin/prlimit", *options, "--"]
 
 
-def _popen(words: Sequence[str], *, cwd: Path | None = None, info: int = -1) -> subprocess.Popen:
-    """A command, "{info}" being a descriptor; NotFound where that has no such program."""
+def _popen(
+    words: Sequence[str], *, cwd: Path | None = None, info: int = -1, filter_: int = -1
+) -> subprocess.Popen:
+    """A command, "{info}" and "{filter}" being descriptors; NotFound where there is no such program."""
+    given = {"{info}": str(info), "{filter}": str(filter_)}
     try:
         return subprocess.Popen(
-            [str(info) if word == "{info}" else word for word in words], cwd=cwd, start_new_session=True,
+            [given.get(word, word) for word in words], cwd=cwd, start_new_session=True,
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-            pass_fds=(info,) if info >= 0 else (),
+            pass_fds=[descriptor for descriptor in (info, filter_) if descriptor >= 0],
         )  # fmt: skip
     except OSError as error:
         raise NotFound(f"{words[0]}: {error.strerror}") from None

@@ -107,7 +107,7 @@ def _mark(task: TaskResult) -> str:
 
 
 def _why(task: TaskResult) -> str:
-    reasons = [s.reason for s in task.scenes if s.verdict is task.verdict]
+    reasons = [s.told for s in task.scenes if s.verdict is task.verdict]
     return reasons[0] if reasons else task.comment
 
 
@@ -125,9 +125,9 @@ def junit_xml(results: Sequence[StudentResult]) -> str:
                 name = f"{task.id} / {scene.scene}{f' / hidden {index}' if scene.hidden else ''}{_mark(task)}"
                 case = TestCase(name, classname=result.student, time=scene.seconds)
                 if scene.verdict is Outcome.FAIL:
-                    case.result = [Failure(_clean(sentence(scene.reason)), "verdict")]
+                    case.result = [Failure(_clean(sentence(scene.told)), "verdict")]
                 elif scene.verdict is Outcome.INCONCLUSIVE:
-                    case.result = [Skipped(_clean(sentence(scene.reason)), "inconclusive")]
+                    case.result = [Skipped(_clean(sentence(scene.told)), "inconclusive")]
                 suite.add_testcase(case)
         xml.add_testsuite(suite)
     return xml.tostring().decode("utf-8")
