@@ -6,13 +6,14 @@ A sample; `raycheck calibrate` measures more, and references/calibration.json ke
 import json
 import sys
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from raycheck import mutants
-from raycheck.calibration import gradings, kills, nulls, rivals, trials
+from raycheck.calibration import gradings, kills, lines, nulls, rivals, trials
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.judge import Grader
 from raycheck.grading.sandbox import Tier
@@ -62,6 +63,8 @@ def test_an_interrupted_run_goes_on(tmp_path):
     file.write_text(file.read_text() + '{"configuration": "cut o')
     assert nulls.read_lines(file)[0]["outcomes"] == first.outcomes
     assert nulls.summary(file)["verdicts"] == 8
+    lines.append_lines(file, [asdict(first)])
+    assert len(nulls.read_lines(file)) == 2  # what was cut off is gone
 
 
 class TestRivals:
@@ -92,11 +95,11 @@ class TestRivals:
         assert rivals.mitsuba_z(images, 16, truth)
 
 
-def test_effect_is_told_in_detectable_biases():
+def test_effect_is_told_in_detectable_biases(tmp_path):
     """Of a mixture it is in proportion, and what is far below 1 is not killed."""
     mutant = mutants.read(mutants.FOLDER / "brdf-2pi.patch")
-    truth = trials.load_truth(mutant.scene)
-    found = kills.judge_mutant(mutant, mutants.program(mutant), mutants.program(None), truth)
+    [found] = kills.measure_kills(tmp_path / "kills.jsonl", [mutant])
+    assert list(kills.measure_kills(tmp_path / "kills.jsonl", [mutant])) == []
     assert found[0].effect > 50 and found[0].rejected["raycheck"]
     for one in found[1:]:
         assert one.effect == pytest.approx(one.strength * found[0].effect)

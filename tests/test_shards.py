@@ -177,6 +177,39 @@ def test_interrupt_ends_the_renders(oneray: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="by /proc")
+def test_the_end_of_a_pool_is_the_end_of_all_that_it_started(tmp_path: Path) -> None:
+    """Also of processes of processes that lead sessions of their own, as jails do."""
+    file = tmp_path / "sleeps"
+
+    def piece(index: int) -> bytes:
+        if index == 0:
+            while not file.exists() or not file.read_text():
+                time.sleep(0.01)
+            return b"other is there"
+        pools.run_process(["sh", "-c", f"setsid sleep 100 & echo $! > {file}; wait"])
+        return b"never"
+
+    results = pools.Here(2).run(piece, [(0,), (1,)])
+    assert next(results) == (0, b"other is there")
+    assert sleeping(int(file.read_text()))
+    closing = threading.Thread(target=results.close)
+    closing.start()
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline and sleeping(int(file.read_text())):
+        time.sleep(0.01)
+    assert not sleeping(int(file.read_text()))
+    closing.join()
+
+
+def sleeping(pid: int) -> bool:
+    """Is the process alive, and not just not waited for?"""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except FileNotFoundError:
+        return False
+
+
 def threads_children(pid: int) -> list[str]:
     """The processes that any thread of the process has started."""
     tasks = Path(f"/proc/{pid}/task").glob("*/children")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import platform
 import signal
 import sys
 import threading
@@ -17,14 +18,16 @@ from building import ROOT
 from cluster import running
 from typer.testing import CliRunner
 
-from raycheck import builds, pools
+from raycheck import builds, mutants, pools, references, renderers
 from raycheck.builds import Build
-from raycheck.calibration import gradings, nulls
+from raycheck.calibration import gradings, kills, nulls
 from raycheck.cli import app
-from raycheck.grading import course, hidden
+from raycheck.grading import course, hidden, noise, piece
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.judge import Grader
+from raycheck.grading.oneray_bundle import bundle_oneray
 from raycheck.grading.sandbox import Tier
+from raycheck.grading.submission import Handed
 from raycheck.renderers import NotFound
 
 TASKS = """\
@@ -61,13 +64,17 @@ class Class:
         )
         right = f"{oneray} {{scene}} -o {{output}} --spp {{spp}} --seed {{seed}} --quiet"
         self.hand_in("slow", f"sh {folder}/wait.sh", right)
-        self.hand_in("kills", "kill -9 $PPID", right)
+        self.hand_in("kills", f"echo >> {folder}/killed; kill -9 $PPID", right)
         self.hand_in("shown-only", "", right.replace("{scene}", f"{ROOT}/scenes/point-light.xml"))
 
     def hand_in(self, student: str, build: str, run: str) -> None:
         folder = self.folder / "class" / student
         folder.mkdir(parents=True)
         (folder / "raycheck.toml").write_text(f'build = "{build}"\nrun = "{run}"\n', encoding="utf-8")
+
+    @property
+    def kills(self) -> int:
+        return len((self.folder / "killed").read_text().splitlines())
 
     def grade(self, out: str, *options: str) -> dict[str, dict]:
         """Results by student, without the seconds."""
@@ -123,7 +130,7 @@ def test_a_killed_process_loses_its_own_submission_alone(some_class: Class, by_o
     assert {student: (one["total"], one["pending"]) for student, one in by_one.items()} == {
         "slow": (5, 0), "shown-only": (2, 0), "kills": (0, 5),
     }  # fmt: skip
-    assert "SIGKILL" in by_one["kills"]["problem"]
+    assert "SIGKILL" in by_one["kills"]["problem"] and some_class.kills >= pools.ATTEMPTS
     assert by_one["slow"]["tasks"][0]["scenes"][1]["hidden"]
     grader = Grader.prepare(read_assignment(some_class.folder / "a.toml"), Tier.NONE)
     found, asked = course.entries(some_class.folder / "class", []), Nobody()
@@ -137,6 +144,7 @@ def test_a_cluster_that_loses_a_worker_grades_the_same(some_class: Class, by_one
     folder = some_class.folder
     (folder / "once").rmdir()
     killed: list[int] = []
+    kills_before = some_class.kills
 
     def kill_the_worker() -> None:
         while not (folder / "waits").exists():
@@ -148,7 +156,7 @@ def test_a_cluster_that_loses_a_worker_grades_the_same(some_class: Class, by_one
     try:
         with running(folder, workers=2) as address:
             assert some_class.grade("many", "--dask", address) == by_one
-        assert killed
+        assert killed and some_class.kills == kills_before + pools.ATTEMPTS
     finally:
         for pid in killed[:-1]:  # what the worker has started
             with contextlib.suppress(ProcessLookupError):
@@ -164,15 +172,56 @@ def above(pid: int) -> list[int]:
     return found
 
 
-def test_programs_that_differ_are_refused(oneray: Path) -> None:
-    builds.require(Build(builds.raycheck_hash(), builds.oneray_hash()))
-    for wanted, what in (
+@linux
+def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monkeypatch) -> None:
+    """What it depends on decides; a bundle of the same oneray, as in a package, is the same."""
+    private = some_class.folder / "a.private"
+    assert len(json.loads((private / noise.KEPT).read_text(encoding="utf-8"))) == 2  # shown and hidden
+    of = references.variant("point-light")
+    monkeypatch.setattr(noise, "IMAGES", noise.GROUPS + 1)
+    found = [noise.of_oneray(of, 4, "nee", tmp_path)]
+    monkeypatch.setenv("ONERAY", str(bundle_oneray(tmp_path / "bundle")))
+    monkeypatch.setattr(renderers, "oneray_command", None)
+    found.append(noise.of_oneray(of, 4, "nee", tmp_path))
+    assert found[0] == found[1]
+    for other in ((of, 5, "nee"), (of, 4, "mis-power"), (references.variant("area-light"), 4, "nee")):
+        with pytest.raises(TypeError):  # it would be measured
+            noise.of_oneray(*other, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
         (Build(raycheck="0" * 64), "another build of raycheck"),
         (Build(oneray="0" * 64), "another build of oneray"),
         (Build(sources="oneray-0"), "other sources of oneray"),
+    ],
+)
+def test_machines_that_differ_are_refused(build: Build, message: str) -> None:
+    """By every kind of piece, before it does anything."""
+    for work in (
+        lambda: piece.grade(b"", Handed("a.zip", b""), "a", 0, Tier.NONE, build),
+        lambda: nulls.one_set(nulls.CONFIGURATIONS[0], 0, build),
+        lambda: kills.one_mutant("brdf-2pi", "", build),
+        lambda: gradings.one_grading(b"", 0, "", build),
     ):
-        with pytest.raises(NotFound, match=what):
-            builds.require(wanted)
+        with pytest.raises(NotFound, match=message):
+            work()
+
+
+def test_another_patch_is_refused() -> None:
+    with pytest.raises(NotFound, match=r"brdf-2pi\.patch on .* is another patch"):
+        kills.one_mutant("brdf-2pi", "brdf-2pi-0", builds.of_checkout())
+
+
+def test_a_machine_without_a_checkout_says_so(tmp_path, monkeypatch) -> None:
+    wanted = builds.of_checkout()
+    monkeypatch.setattr(mutants, "ROOT", tmp_path)
+    mutants._digest.cache_clear()
+    with pytest.raises(NotFound, match=f"{platform.node()}: .* needs a checkout"):
+        builds.require(wanted)
+    monkeypatch.undo()
+    builds.require(wanted)
 
 
 @pytest.mark.parametrize("command", ["grade --assignment a.toml", "calibrate nulls"])
@@ -190,10 +239,20 @@ def test_nulls_and_gradings_are_the_same_by_two_processes(tmp_path: Path) -> Non
     (tmp_path / "a.toml").write_text(TASKS.partition("hidden")[0], encoding="utf-8")
     asked = gradings.quick(read_assignment(tmp_path / "a.toml"))
     found = []
+    grader = Grader.prepare(asked, Tier.NONE)
     for pool in (None, pools.Here(2)):
         sets, honest = tmp_path / f"{len(found)}-nulls.jsonl", tmp_path / f"{len(found)}-gradings.jsonl"
         assert len(list(nulls.measure_nulls(sets, 2, nulls.CONFIGURATIONS[3:4], pool))) == 2
-        grader = Grader.prepare(asked, Tier.NONE)
         assert len(list(gradings.measure(honest, grader, 2, pool))) == 2
         found.append((nulls.summary(sets), gradings.summary(honest, gradings.digest_of(grader))))
-    assert found[0] == found[1] and json.dumps(found[0]) == json.dumps(found[1])
+    assert json.dumps(found[0]) == json.dumps(found[1])
+    for file, summary in (
+        (sets, nulls.summary), (honest, lambda path: gradings.summary(path, gradings.digest_of(grader))),
+    ):  # fmt: skip
+        first, second = file.read_text(encoding="utf-8").splitlines()
+        second = second.replace("PASS", "FAIL").replace('"reasons": []', '"reasons": ["x"]')
+        texts = []
+        for lines in ((first, second), (second, first)):
+            file.write_text("\n".join((*lines, "")), encoding="utf-8")
+            texts.append(json.dumps(summary(file)))
+        assert texts[0] == texts[1] and "FAIL" in texts[0]

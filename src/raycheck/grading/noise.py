@@ -63,8 +63,7 @@ def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, fl
         images = [command.render(of.path, spp, seed, 600.0).image.pixels for seed in seeds]
         kept[key] = _log_variance(np.stack(images))
         replace(file, json.dumps(kept, indent=1) + "\n")
-    log_variance, error = kept[key]
-    return log_variance, error
+    return tuple(kept[key])
 
 
 def _log_variance(images: Array) -> tuple[float, float]:
