@@ -56,7 +56,7 @@ def writers(assignment: Assignment) -> dict[str, Callable[[Path], None]]:
     found["handout"] = lambda to: write_handout(assignment, to)
     found["handout-solved"] = lambda to: _oneray(to, assignment, None)
     for patch, name, tasks in (
-        ("light-path-no-cosine", "light", ("L2", "L7")), ("learned-floor", "nee-learned", ("L4", "L6")),
+        ("light-path-no-cosine", "light", ("L2",)), ("learned-floor", "nee-learned", ("L6",)),
     ):  # fmt: skip
         found[f"oneray-{patch}"] = lambda to, p=patch, n=name, t=tasks: _oneray(to, assignment, p, n, t)
     return found | {one.name: lambda to, a=one: attacks.hand_in(a, to) for one in attacks.read_attacks()}

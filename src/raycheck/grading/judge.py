@@ -51,7 +51,7 @@ LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
 """Pictures of a look."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
 PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
-NOT_TRIED = "not tried: the scene that this is a variant of fails"
+NOT_TRIED = "not tried: the scene itself fails"
 OVER = "the time for the whole grading was over before this scene"
 FEW_IMAGES = 8
 MORE = 4

@@ -1,9 +1,10 @@
 // A renderer of one scene, from nothing but what "raycheck scene point-light --as cpp" prints: scene.hpp.
 //
-//     render SPP SEED OUTPUT.pfm
+//     render NAME SPP SEED OUTPUT.pfm
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <random>
 
 #include "scene.hpp"
@@ -12,16 +13,20 @@ static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a
 
 int main(int count, char **arguments)
 {
-    if (count != 4)
+    if (count != 5)
         return 1;
+    if (std::strcmp(arguments[1], "point-light")) {
+        std::fprintf(stderr, "this program has point-light alone\n");
+        return 1;
+    }
     using namespace scene;
     const Parallelogram &ground = parallelograms[0];
     const PointLight &light = point_lights[0];
     const Material &material = materials[ground.material];
-    std::mt19937 generator(static_cast<unsigned>(std::atol(arguments[2])));
+    std::mt19937 generator(static_cast<unsigned>(std::atol(arguments[3])));
     std::uniform_real_distribution<double> random(0, 1);
-    int spp = std::atoi(arguments[1]);
-    std::FILE *file = std::fopen(arguments[3], "wb");
+    int spp = std::atoi(arguments[2]);
+    std::FILE *file = std::fopen(arguments[4], "wb");
     if (!file)
         return 1;
     std::fprintf(file, "PF\n%d %d\n-1\n", width, height);
