@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raycheck import reference_making, references, renderers
 from raycheck.grading.keys import Keys
-from raycheck.pools import one_process
+from raycheck.pools import cores, one_process
 from raycheck.references import Variant
 from raycheck.techniques import BEST, technique
 
@@ -83,7 +83,7 @@ def look_at(of: Variant) -> Array:
 
 def _with_reference(made: Variant) -> Variant:
     if not references.is_fresh(made):
-        renderer = reference_making.OnerayBatches(made, 1)
+        renderer = reference_making.OnerayBatches(made, cores())
         plan = reference_making.pilot(renderer, GOAL)
         reference_making.make_reference(made, renderer, plan, GOAL)
     return made
