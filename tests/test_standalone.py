@@ -72,8 +72,8 @@ def test_killed_twenty_times(oneray: Path, tmp_path: Path, estimator: str) -> No
 
 
 def test_no_more_is_lost_than_the_interval(oneray: Path, tmp_path: Path) -> None:
-    """A checkpoint is at most as old as the interval says, and holds nearly all samples so far."""
-    film = tmp_path / "box.film"
+    """A checkpoint is at most as old as the interval says, which a busy machine keeps at this length."""
+    film, interval = tmp_path / "box.film", 1.2
     process = subprocess.Popen(
         [
             oneray,
@@ -83,14 +83,14 @@ def test_no_more_is_lost_than_the_interval(oneray: Path, tmp_path: Path) -> None
             "--checkpoint",
             film,
             "--checkpoint-seconds",
-            "0.4",
+            str(interval),
             "--stats",
             "-",
         ]
     )
-    for _ in range(4):
-        time.sleep(0.4)
-        assert time.time() - film.stat().st_mtime < 0.4
+    for _ in range(3):
+        time.sleep(interval)
+        assert time.time() - film.stat().st_mtime < interval
     process.kill()
     process.wait()
 
