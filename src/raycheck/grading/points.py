@@ -1,8 +1,14 @@
 """What a task earns, and why: for pictures without bias, for noise and for speed."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from raycheck.grading.assignment import REVIEW, Assignment, Task
 from raycheck.grading.results import SceneResult, TaskResult
 from raycheck.verdict import Outcome
+
+Ratio = Mapping[str, Any]
+"""A comparison with oneray: ratio, low, high."""
 
 
 def earned(assignment: Assignment, task: Task, scenes: list[SceneResult]) -> TaskResult:
@@ -15,15 +21,13 @@ def earned(assignment: Assignment, task: Task, scenes: list[SceneResult]) -> Tas
     quiet = fast = 0.0
     comments = []
     if task.noise_points and verdict is not Outcome.FAIL:
-        judged = [s for s in scenes if s.noise]
-        noisy = [s for s in judged if s.noise["low"] > task.noise_limit]
-        quiet = task.noise_points if judged and not noisy else 0.0
-        comments.append(_noise_comment(task, noisy or judged, bool(noisy)))
+        worst, within = _worst([s.noise for s in scenes], task.noise_limit)
+        quiet = task.noise_points if within else 0.0
+        comments.append(_noise_comment(task, worst, within))
     if task.measures_speed and verdict is not Outcome.FAIL:
-        measured = [s for s in scenes if s.speed]
-        slow = [s for s in measured if s.speed["low"] > task.speed_limit]
-        fast = task.speed_points if measured and not slow else 0.0
-        comments.append(_speed_comment(task, slow or measured, bool(slow)))
+        worst, within = _worst([s.speed for s in scenes], task.speed_limit)
+        fast = task.speed_points if within else 0.0
+        comments.append(_speed_comment(task, worst, within))
     if assignment.inconclusive != REVIEW:
         points += float(assignment.inconclusive) * waiting
         waiting = 0.0
@@ -34,21 +38,30 @@ def earned(assignment: Assignment, task: Task, scenes: list[SceneResult]) -> Tas
     )  # fmt: skip
 
 
-def _noise_comment(task: Task, scenes: list[SceneResult], noisy: bool) -> str:
-    if not scenes:
+def _worst(found: Sequence[Ratio | None], limit: float) -> tuple[Ratio | None, bool]:
+    """The largest ratio, of those surely beyond the limit if there are any; and whether none is."""
+    measured = [one for one in found if one]
+    beyond = [one for one in measured if one["low"] > limit]
+    worst = max(beyond or measured, key=lambda one: one["ratio"], default=None)
+    return worst, worst is not None and not beyond
+
+
+def _interval(ratio: Ratio) -> str:
+    return f"({ratio['low']:.3g} … {ratio['high']:.3g})"
+
+
+def _noise_comment(task: Task, worst: Ratio | None, within: bool) -> str:
+    if worst is None:
         return "noise not compared: the scene is undecided, or the run command takes no {spp}"
-    worst = max(scenes, key=lambda s: s.noise["ratio"]).noise
-    interval = f"{worst['low']:.3g} … {worst['high']:.3g}"
-    figures = f"{worst['ratio']:.3g} times the variance ({interval}) of oneray's {task.technique}"
+    figures = f"{worst['ratio']:.3g} times the variance {_interval(worst)} of oneray's {task.technique}"
     limit = f"up to {task.noise_limit:g} times earn the {task.noise_points:g} points for noise"
-    return f"{'too noisy: ' if noisy else ''}a sample has {figures}; {limit}"
+    return f"{'' if within else 'too noisy: '}a sample has {figures}; {limit}"
 
 
-def _speed_comment(task: Task, scenes: list[SceneResult], slow: bool) -> str:
-    if not scenes:
+def _speed_comment(task: Task, worst: Ratio | None, within: bool) -> str:
+    if worst is None:
         return "speed not compared: the scene is undecided, or oneray does not run in this jail"
-    worst = max(scenes, key=lambda s: s.speed["ratio"]).speed
-    figures = f"a picture takes {worst['seconds']:.2g} s, {worst['ratio']:.3g} times"
-    interval = f"({worst['low']:.3g} … {worst['high']:.3g}) what oneray's {task.technique} takes"
-    points = f"; up to {task.speed_limit:g} times earn the {task.speed_points:g} points for speed"
-    return f"{'too slow: ' if slow else ''}{figures} {interval}{points if task.speed_points else ''}"
+    figures = f"a picture takes {worst['seconds']:.2g} s, {worst['ratio']:.3g} times {_interval(worst)}"
+    limit = f"; up to {task.speed_limit:g} times earn the {task.speed_points:g} points for speed"
+    said = f"{figures} what oneray's {task.technique} takes{limit if task.speed_points else ''}"
+    return said if within else f"too slow: {said}"
