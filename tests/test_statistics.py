@@ -5,7 +5,7 @@ import pytest
 from numpy.random import default_rng
 
 from raycheck import statistics as st
-from raycheck.tiles import Tile, quad_tree, region_means, region_variances
+from raycheck.tiles import Tile, quad_tree, region_means, region_variances, whole
 from raycheck.verdict import ALPHA, Expected, Outcome, judge
 
 B = 32
@@ -244,3 +244,15 @@ class TestTiles:
         tiles = quad_tree(16, 16, {}, 1)
         np.testing.assert_allclose(region_means(image, tiles)[3], image[8:, 8:].mean(axis=(0, 1)))
         np.testing.assert_allclose(region_variances(image, tiles)[0], image[:8, :8].sum(axis=(0, 1)) / 64**2)
+
+
+@pytest.mark.parametrize("regions", [
+    [whole(21, 30), *quad_tree(21, 30, {}, 1.0)], [Tile(3, 4, 5, 6)], [Tile(0, 0, 8, 8), Tile(4, 20, 9, 10)],
+])  # fmt: skip
+def test_region_means_are_those_of_the_regions_pixels(regions):
+    """Whole, tiles cut off at the rim, apart and across each other's edges; of one image and of many."""
+    images = default_rng(5).random((2, 21, 30, 3)).astype(np.float32)
+    wanted = [images[:, t.row : t.row + t.height, t.column : t.column + t.width] for t in regions]
+    means = np.stack([pixels.mean(axis=(1, 2), dtype=float) for pixels in wanted], axis=1)
+    np.testing.assert_allclose(region_means(images, regions), means, rtol=1e-12)
+    np.testing.assert_allclose(region_means(images[1], regions), means[1], rtol=1e-12)
