@@ -59,7 +59,14 @@ def writers(assignment: Assignment) -> dict[str, Callable[[Path], None]]:
         ("light-path-no-cosine", "light", ("L2",)), ("learned-floor", "nee-learned", ("L6",)),
     ):  # fmt: skip
         found[f"oneray-{patch}"] = lambda to, p=patch, n=name, t=tasks: _oneray(to, assignment, p, n, t)
-    return found | {one.name: lambda to, a=one: attacks.hand_in(a, to) for one in attacks.read_attacks()}
+    return found | {one.name: lambda to, a=one: _attack(to, a) for one in attacks.read_attacks()}
+
+
+def _attack(folder: Path, attack: attacks.Attack) -> None:
+    """What imitates a renderer does so for two tasks; what hangs, swells or breaks out does so in all."""
+    attacks.hand_in(attack, folder)
+    if "{spp}" in attack.run:
+        _only_for(folder, ("L1", "L2"))
 
 
 def _honest(folder: Path) -> None:
@@ -76,22 +83,21 @@ def _mistaken(folder: Path, changes: list[list[str]], tasks: list[str] | None) -
         text = text.replace(right, wrong)
     source.write_text(text, encoding="utf-8")
     if tasks:
-        manifest = folder / "raycheck.toml"
-        run = 'run = "sh render.sh {task} {json} {spp} {seed} {output}"\n'
-        build = manifest.read_text(encoding="utf-8").splitlines(keepends=True)[0]
-        manifest.write_text(build + run, encoding="utf-8")
-        _render_some(folder, tasks, './render "$2" "$3" "$4" "$5"')
+        _only_for(folder, tasks)
 
 
-def _render_some(folder: Path, tasks: Sequence[str], command: str) -> None:
-    """render.sh TASK …: of a student who got to these tasks."""
+def _only_for(folder: Path, tasks: Sequence[str]) -> None:
+    """Of a student who got to these tasks."""
     script = f"""\
 case $1 in
-{"|".join(tasks)}) exec {command} ;;
+{"|".join(tasks)}) shift; exec "$@" ;;
 *) echo "$1 is not written yet" >&2; exit 1 ;;
 esac
 """
-    (folder / "render.sh").write_text(script, encoding="utf-8")
+    (folder / "some.sh").write_text(script, encoding="utf-8")
+    manifest = folder / "raycheck.toml"
+    text = manifest.read_text(encoding="utf-8")
+    manifest.write_text(text.replace('run = "', 'run = "sh some.sh {task} '), encoding="utf-8")
 
 
 def _one_scene(folder: Path) -> None:
@@ -139,9 +145,10 @@ def _oneray(
     if patch:
         mutants.apply(mutants.read(mutants.FOLDER / f"{patch}.patch"), folder)
     if name:
-        options = " ".join(technique(name).options)
-        command = 'build/oneray "$2" --spp "$3" --seed "$4" -o "$5" --quiet'
-        _render_some(folder, tasks, f"{command} {options}")
+        command = "build/oneray {scene} --spp {spp} --seed {seed} -o {output} --quiet"
+        run = " ".join((command, *technique(name).options))
+        (folder / "raycheck.toml").write_text(f'build = "make"\nrun = "{run}"\n', encoding="utf-8")
+        _only_for(folder, tasks)
 
 
 def differences(found: Path, expected: Path) -> list[str]:

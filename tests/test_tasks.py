@@ -38,6 +38,15 @@ def test_a_thorough_run_has_every_technique_that_applies_and_the_other_depths() 
         assert judged == references.is_fresh(of)
 
 
+def test_the_thorough_result_is_of_all_of_them() -> None:
+    """The committed one; nothing FAILs in it."""
+    path = references.references_dir() / "verification.json"
+    found = json.loads(path.read_text(encoding="utf-8"))["cases"]
+    tasks = oneray_agenda(everything(), (), variants=True).tasks
+    assert [(c["scene"], c["technique"]) for c in found] == [(t.label, t.technique) for t in tasks]
+    assert not [c for c in found if c["verdict"] == "FAIL"]
+
+
 def test_a_quick_run_covers_every_technique_and_every_scene() -> None:
     whole = {(t.label, t.technique) for t in oneray_agenda(everything(), ()).tasks}
     quick = [(t.label, t.technique) for t in oneray_agenda(everything(), (), cover=True).tasks]

@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,30 @@ class TestVerdicts:
         assert case.verdict is Outcome.FAIL
         assert "2 of 64 tiles differ" in case.reason and "too dark" in case.reason
         assert "columns 8–15 from the top left (lower left)" in case.reason
+
+    def test_a_thorough_run_does_what_would_decide(self, truth):
+        """A corner whose noise the pilot did not show leaves the first look open; the second has seeds of its
+        own.
+        """
+        seeds = []
+
+        def render(scene, spp, seed):
+            seeds.append(seed)
+            image = noisy(truth, noise=4.0)(scene, spp, seed)
+            if spp > PILOT_SPP:
+                image[:16, :16] = noisy(truth, noise=100.0)(scene, spp, seed)[:16, :16]
+            return image
+
+        quick = judged(render, spp=None)
+        assert quick.verdict is Outcome.INCONCLUSIVE and quick.looks == 1
+        seeds.clear()
+        case = judged(render, spp=None, thorough=True)
+        assert case.verdict is Outcome.PASS and case.looks == 2
+        assert len(set(seeds)) == len(seeds) > 2 * 64
+        still_open = replace(case, verdict=Outcome.INCONCLUSIVE, more_samples=2.0)
+        [again] = raycheck.verify(render, [SCENE], thorough=True, earlier=[still_open]).cases
+        assert again == still_open, "two looks are all, however often a run is resumed"
+        assert judged(render, spp=quick.spp, thorough=True).looks == 1
 
     def test_noise_says_what_would_decide(self, truth):
         case = judged(noisy(truth, noise=20.0), spp=1)

@@ -4,6 +4,7 @@ import datetime
 import glob
 import hashlib
 import json
+import math
 import os
 import platform
 import tempfile
@@ -96,6 +97,8 @@ class Case:
     """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
     unbounded: bool = False
     """The scene says that this technique's samples have no bound: no small detectable bias is asked then."""
+    looks: int = 1
+    """With fresh samples each; the last one's figures."""
     fingerprint: str = ""
     """Of the reference, the settings and the renderer's first picture: a case that has it need not be judged
     again.
@@ -142,6 +145,8 @@ class Verification:
 class Settings:
     thorough: bool = False
     seed: int = 0
+    look: int = 0
+    """The second takes seeds of its own."""
     spp: int | None = None
     jobs: int = 2
     timeout: float = 60.0
@@ -263,10 +268,23 @@ def _judge_all(
             left = max(budget - (time.perf_counter() - started), 0.0) / (len(agenda.tasks) - index)
             share = min(QUICK_CASE_SECONDS, max(left, each / 2))  # what came before may not starve the rest
         timed = replace(settings, case_seconds=share)
-        cases.append(_judge_task(task, truths[task.label], taken[task.label], timed))
+        case = _judge_task(task, truths[task.label], taken[task.label], timed)
+        cases.append(_second_look(case, task, truths[task.label], taken[task.label], timed))
         if on_case:
             on_case(cases[-1], len(agenda.tasks))
     return cases
+
+
+def _second_look(case: Case, task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
+    """A thorough run does what an INCONCLUSIVE case says would decide, where it has the time: fresh samples,
+    judged alone. Two looks double the chance of a wrong FAIL.
+    """
+    planned = settings.thorough and settings.spp is None and case.spp
+    more = case.more_samples if case.verdict is Outcome.INCONCLUSIVE and case.looks == 1 else None
+    if not (planned and more and case.seconds * more < THOROUGH_SECONDS):
+        return case
+    found = _judge_task(task, truth, taken, replace(settings, spp=math.ceil(case.spp * more), look=1))
+    return replace(found, looks=2, fingerprint=case.fingerprint, seconds=found.seconds + case.seconds)
 
 
 def _reference_seeds(reference: references.Reference) -> range:
@@ -289,7 +307,8 @@ def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> C
             unbounded=task.unbounded, **figures,
         )  # fmt: skip
 
-    seeds = case_seeds(task.label, task.technique, settings.seed, taken)
+    technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
+    seeds = case_seeds(task.label, technique, settings.seed, taken)
     try:
         with _pool(settings.jobs) as pool:
             return _judge_renders(_Trial(task, truth, settings, pool), seeds, case)
