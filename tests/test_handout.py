@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from raycheck import references, scene_export
 from raycheck.cli import app
-from raycheck.grading import c_functions, course, hidden, sandbox
+from raycheck.grading import attacks, c_functions, course, hidden, sandbox
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.handout import write_handout
 from raycheck.grading.judge import Grader
@@ -253,3 +253,14 @@ def test_the_expected_class_is_compared_cell_by_cell(tmp_path) -> None:
     assert line == "b, L1: '1', '0' is expected"
     lines = example_class.differences(written(tmp_path / "a.csv", rows.replace("b,", "c,")), expected)
     assert [line.split(":")[0] for line in lines] == ["b", "c"]
+
+
+def test_the_expected_table_has_every_submission_of_the_example_class() -> None:
+    """Attacks have no points in it, the solved handout has all."""
+    asked = read_assignment(ROOT / "docs/lecture12.toml")
+    with (ROOT / "tests/example_class.csv").open(encoding="utf-8", newline="") as file:
+        totals = {row["student"]: float(row["total"]) for row in csv.DictReader(file)}
+    hostile = {one.name for one in attacks.read_attacks()} | attacks.ARCHIVES.keys()
+    assert totals.keys() == example_class.writers(asked).keys() | hostile
+    assert not any(totals[name] for name in hostile)
+    assert totals["handout-solved"] == asked.most and 0 < totals["honest"] < asked.most
