@@ -140,18 +140,20 @@ $(VENV)/.test: pyproject.toml | $(PYTHON)
 	command -v chromium >/dev/null || $(PYTHON) -m playwright install --with-deps chromium
 	touch $@
 
-# A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up.
+# A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up, on all
+# cores unless this one was told how many.
+ALL = $(MAKE) $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 1)) all
 # The quick verification: 1 is a FAIL; 3, INCONCLUSIVE, is not.
 VERIFY = $(RAYCHECK) verify --json $(BUILD)/verification.json || test $$? -eq 3
 
 demo: $(BUILD)/.system $(VENV)/.demo
-	$(MAKE) all
+	+$(ALL)
 	$(VERIFY)
 	$(RAYCHECK) report --seconds 0 --verification $(BUILD)/verification.json -o $(BUILD)/report
 	@echo "Open $(BUILD)/report/index.html"
 
 test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
-	$(MAKE) all
+	+$(ALL)
 	$(VERIFY)
 	$(PYTHON) -m ruff check src scripts tests
 	$(PYTHON) -m pytest -n 2 --dist loadfile
@@ -161,29 +163,29 @@ references: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) reference --closed-forms
 
 thorough: $(BUILD)/.system $(VENV)/.demo
-	$(MAKE) all
+	+$(ALL)
 	$(RAYCHECK) verify --thorough --resume --json references/verification.json
 
 techniques: $(BUILD)/.system $(VENV)/.demo
-	$(MAKE) all
+	+$(ALL)
 	$(RAYCHECK) techniques --json references/techniques.json
 	$(PYTHON) scripts/readme.py
 
 # Error against run time: Ctrl-C and `make report` again go on where it was.
 report: $(BUILD)/.system-test $(VENV)/.test
-	$(MAKE) all
+	+$(ALL)
 	$(RAYCHECK) report --against mitsuba --seconds 2 --minutes 12 --verification references/verification.json \
 	    -o $(BUILD)/report --json references/error_curves.json
 	$(PYTHON) scripts/make_previews.py $(BUILD)/report/index.html
 	@echo "Open $(BUILD)/report/index.html"
 
 stability: $(BUILD)/.system-test $(VENV)/.test
-	$(MAKE) all
+	+$(ALL)
 	$(RAYCHECK) stability --json references/stability.json
 	$(PYTHON) scripts/readme.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
-	$(MAKE) all
+	+$(ALL)
 	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
 	$(PYTHON) scripts/readme.py
 
