@@ -11,7 +11,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import jsonschema
@@ -29,11 +29,12 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.keys import Keys, read_keys
 from raycheck.grading.pages import clusters, student_page
 from raycheck.grading.pixels import Decoder, take_picture
+from raycheck.grading.program import Taken
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.sandbox import Jail, Tier
 from raycheck.grading.submission import SubmissionError, open_submission
-from raycheck.images import write_exr, write_pfm
-from raycheck.renderers import NotFound, RenderError
+from raycheck.images import Image, write_exr, write_pfm
+from raycheck.renderers import NotFound, RenderError, Rendering
 from raycheck.verdict import Outcome
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -217,10 +218,11 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     output.mkdir()
     jail = Jail(tier, Limits(memory_mb=200, processes=16, output_mb=4))
 
+    def run(script: str) -> sandbox.Finished:
+        return jail.run(["/bin/sh", "-c", script], seconds=2, folder=folder, writable=False, output=output)
+
     def problem(script: str) -> str:
-        return jail.run(
-            ["/bin/sh", "-c", script], seconds=2, folder=folder, writable=False, output=output
-        ).problem
+        return run(script).problem
 
     assert problem("exit 0") == ""
     secret = written(tmp_path / "secret", "a secret")
@@ -228,8 +230,9 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     assert problem(f"cat {secret}").startswith("exit status 1")
     assert problem("echo x >/submission/x").startswith("exit status 2")
     assert problem("(setsid sleep 100 &) ; exit 0") == "" and not alive("sleep 100", jail.user)
-    assert "SIGXFSZ" in problem("head -c 8000000 /dev/zero > /out/big")
-    assert problem("while :; do :; done").startswith("not finished after 2 s")
+    big, hanging = (run(script) for script in ("head -c 8000000 /dev/zero > /out/big", "while :; do :; done"))
+    assert "SIGXFSZ" in big.problem and not big.late
+    assert hanging.problem.startswith("not finished after 2 s") and hanging.late
     (output / "big").unlink()
     assert "Cannot fork" in problem("for i in $(seq 40); do sleep 2 & done; wait")
     assert problem("tail /dev/zero") != ""
@@ -305,6 +308,71 @@ def test_an_open_verdict_is_neither_lost_nor_won(tmp_path) -> None:
     assert found["score"] == 0 and "4 points are open" in found["output"]
     passed = json.loads(results_json(a_result(Outcome.PASS, "no bias")))
     assert passed["tests"][0]["status"] == "passed" and passed["score"] == 4
+
+
+@dataclass
+class Noisy(Taken):
+    """A right program in a test's own clock: gamma noise on the reference, and seconds for each picture."""
+
+    seconds: Callable[[int, int], float]
+    """By samples per pixel and number of the picture."""
+    noise: float = 0.8
+    takes_scene: bool = True
+    takes_spp: bool = True
+    takes_seed: bool = True
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(picture_seconds=2.0, task_seconds=300.0)
+
+    def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
+        self.check_time()
+        seconds = self.seconds(spp, sum(map(len, self.pictures.values())))
+        if seconds > timeout:
+            self.late = True
+            raise RenderError("no picture: not finished")
+        mean = references.load_reference(references.variant("point-light")).mean
+        k = spp / self.noise**2
+        pixels = mean * np.random.default_rng(seed).gamma(k, 1 / k, (*mean.shape[:2], 1))
+        self.take(spp, seconds, pixels)
+        return Rendering(Image(pixels), seconds)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "noise", "verdict", "looks"),
+    [
+        (lambda spp, number: 1.9 if number == 20 else 0.004 * spp, 2.0, Outcome.PASS, 2),
+        (lambda spp, number: 0.004 * spp if spp <= 16 else 2.1, 2.0, Outcome.INCONCLUSIVE, 1),
+        (lambda spp, number: 0.1 * spp, 2.0, Outcome.INCONCLUSIVE, 1),
+        (lambda spp, number: 0.004 * spp if number < 100 else 2.1, 2.0, Outcome.INCONCLUSIVE, 1),
+        (lambda spp, number: 0.02 * spp if spp <= 16 else 2.0, 2.0, Outcome.PASS, 2),
+        (lambda spp, number: 0.03 * spp if spp <= 16 else 2.0, 2.0, Outcome.PASS, 2),
+        (lambda spp, number: 0.004 * spp if number < 73 else 2.1, 0.4, Outcome.PASS, 1),
+        (lambda spp, number: 0.004 * spp if spp <= 16 else 2.1, 0.4, Outcome.PASS, 1),
+    ],
+    ids=[
+        "one late picture",
+        "too slow",
+        "hopeless",
+        "too slow at last",
+        "slow",
+        "very slow",
+        "calm",
+        "calm, slow",
+    ],
+)
+def test_the_clock_decides_no_verdict(tmp_path, seconds, noise: float, verdict: Outcome, looks: int) -> None:
+    """More samples are tried where noise wants them, and where they take too long it stays as it was."""
+    text = TASKS.replace("delta = 0.05", "delta = 0.01").replace("spp = 4", "spp = 16")
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), Tier.NONE)
+    program = Noisy(seconds, noise)
+    [task] = grader.assignment.tasks
+    asked = replace(grader.assignment, limits=program.limits)
+    found = replace(grader, assignment=asked).judge(
+        task, references.variant("point-light"), "point-light", False, program, "clock"
+    )
+    assert (found.verdict, found.looks) == (verdict, looks), found.reason
+    assert found.bias is not None
 
 
 def test_overrides_stand_and_name_the_line_that_is_wrong(tmp_path) -> None:

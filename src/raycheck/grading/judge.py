@@ -222,8 +222,10 @@ class Grader:
         cases, spp = [look(0, task.spp)], task.spp
         open_ = cases[-1].verdict is Outcome.INCONCLUSIVE and cases[-1].more_samples and program.takes_spp
         if open_ and program.has_time(spp, MORE * spp, LOOK):
-            spp = MORE * task.spp
-            cases.append(look(1, spp))
+            more = look(1, MORE * spp)
+            if not (more.bias is None and program.late):  # too slow for more samples: it stays open
+                cases.append(more)
+                spp = MORE * task.spp
         if cases[-1].verdict is Outcome.FAIL and cases[-1].bias is not None:
             cases.append(look(2, spp))
         last = cases[-1]
@@ -257,8 +259,13 @@ class Grader:
             if not program.has_time(spp, many, FEW_IMAGES):
                 return None
             key = f"{purpose}/{self.keys.number(purpose, hidden)}/samples"
-            for seed in make_seeds(key, FEW_IMAGES):
-                program.render(of.path, many, seed, self.assignment.limits.picture_seconds)
+            try:
+                for seed in make_seeds(key, FEW_IMAGES):
+                    program.render(of.path, many, seed, self.assignment.limits.picture_seconds)
+            except RenderError:
+                if program.late:
+                    return None
+                raise
         truth = truth_of(references.load_reference(of))
         regions = truth.regions(spp)
         means = [region_means(np.stack(program.pictures[n]), regions) for n in (spp, many)]

@@ -56,9 +56,10 @@ class Taken:
 
     pictures: dict[int, list[Array]] = field(default_factory=dict, kw_only=True)
     """By samples per pixel."""
-    spent: float = field(default=0.0, kw_only=True)
-    slowest: dict[int, float] = field(default_factory=dict, kw_only=True)
-    """Seconds of the slowest picture, by samples per pixel."""
+    times: dict[int, float] = field(default_factory=dict, kw_only=True)
+    """Seconds that they took together, by samples per pixel."""
+    late: bool = field(default=False, kw_only=True)
+    """A picture was not finished in its time, or not begun in the task's."""
     lock: threading.Lock = field(default_factory=threading.Lock, kw_only=True)
 
     @property
@@ -66,23 +67,28 @@ class Taken:
         """The assignment's."""
         raise NotImplementedError
 
+    @property
+    def spent(self) -> float:
+        """Seconds of all pictures."""
+        return sum(self.times.values())
+
     def has_time(self, spp: int, more: int, pictures: int) -> bool:
-        """Will so many pictures of `more` samples certainly keep the limits, by those of `spp` samples?"""
-        each = self.slowest.get(spp, 0.0) * more / spp
+        """Would so many pictures of `more` samples keep the limits, at the mean pace of those of `spp`?"""
+        each = self.times.get(spp, 0.0) / len(self.pictures.get(spp, [1])) * more / spp
         limits = self.limits
-        return each < limits.picture_seconds / 2 and self.spent + each * pictures < limits.task_seconds
+        return each < limits.picture_seconds and self.spent + each * pictures < limits.task_seconds
 
     def check_time(self) -> None:
         """RenderTimeout where the task's time is over."""
         limit = self.limits.task_seconds
         if self.spent > limit:
+            self.late = True
             done = sum(map(len, self.pictures.values()))
             raise RenderTimeout(f"the {limit:.0f} s of the task were over after {done} pictures")
 
     def take(self, spp: int, seconds: float, pixels: Array) -> None:
         with self.lock:
-            self.spent += seconds
-            self.slowest[spp] = max(self.slowest.get(spp, 0.0), seconds)
+            self.times[spp] = self.times.get(spp, 0.0) + seconds
             self.pictures.setdefault(spp, []).append(pixels)
 
 
@@ -145,6 +151,7 @@ class Program(Taken, TakesPlaceholders):
                 readable={self.scene: "/task"}, output=output,
             )  # fmt: skip
             if done.problem:
+                self.late = done.late
                 raise RenderError(f"no picture (seed {seed}): {done.problem}")
             image = take_picture(
                 output, private, limits.output_mb << 20, self.size, self.decoder, _said(done.said)

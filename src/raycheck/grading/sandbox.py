@@ -83,6 +83,8 @@ class Finished:
     """The end of its standard error."""
     killed: str = ""
     """Why it was ended, a sentence."""
+    late: bool = False
+    """Because its time was over."""
 
     @property
     def problem(self) -> str:
@@ -401,7 +403,7 @@ def _watch(
     if info and not told:
         last = " ".join(_text(said).split()) or "it said nothing"
         raise NotFound(f"the sandbox {jail.tier} cannot be made: {last}")
-    return Finished(process.returncode, spent, _text(said), killed)
+    return Finished(process.returncode, spent, _text(said), killed, late=bool(killed) and spent >= seconds)
 
 
 def _text(said: bytearray) -> str:

@@ -66,6 +66,7 @@ class Simulated(Taken):
         self.check_time()
         seconds = self.seconds(spp)
         if seconds > timeout:
+            self.late = True
             raise RenderError(f"no picture (seed {seed}): not finished after {timeout:.0f} s")
         count = int(np.prod(self.shape))
         try:
