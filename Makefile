@@ -143,18 +143,18 @@ $(VENV)/.test: pyproject.toml | $(PYTHON)
 # A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up, on all
 # cores unless this one was told how many.
 ALL = $(MAKE) $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 1)) all
-# The quick verification: 1 is a FAIL; 3, INCONCLUSIVE, is not.
-VERIFY = $(RAYCHECK) verify --json $(BUILD)/verification.json || test $$? -eq 3
+# The quick verification: 1 is a FAIL; 3, INCONCLUSIVE, is not. In half the time, more is INCONCLUSIVE.
+VERIFY = $(RAYCHECK) verify --seconds $(1) --json $(BUILD)/verification.json || test $$? -eq 3
 
 demo: $(BUILD)/.system $(VENV)/.demo
 	+$(ALL)
-	$(VERIFY)
+	$(call VERIFY,90)
 	$(RAYCHECK) report --seconds 0 --verification $(BUILD)/verification.json -o $(BUILD)/report
 	@echo "Open $(BUILD)/report/index.html"
 
 test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
 	+$(ALL)
-	$(VERIFY)
+	$(call VERIFY,45)
 	$(PYTHON) -m ruff check src scripts tests
 	$(PYTHON) -m pytest -n 2 --dist loadfile
 
