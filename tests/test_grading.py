@@ -375,6 +375,26 @@ def test_the_clock_decides_no_verdict(tmp_path, seconds, noise: float, verdict: 
     assert found.bias is not None
 
 
+def test_a_late_picture_fails_no_scene_that_passed(tmp_path, monkeypatch) -> None:
+    """Speed is measured with more samples, else with the assignment's, else not."""
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", TASKS)), Tier.NONE)
+    [task], tried = grader.assignment.tasks, []
+
+    def compare(program, spp, technique, seeds):
+        tried.append(spp)
+        if spp > in_time:
+            program.late = True
+            raise RenderError("no picture: not finished")
+        return speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], technique)
+
+    monkeypatch.setattr(speed, "compare", compare)
+    in_time = 4
+    found = grader._speed(task, Noisy(lambda spp, number: 0.1), "speed")
+    assert tried == [16, 4] and found is not None and 2.0 < found["ratio"] < 2.1
+    in_time = 1
+    assert grader._speed(task, Noisy(lambda spp, number: 0.1), "speed") is None
+
+
 def test_overrides_stand_and_name_the_line_that_is_wrong(tmp_path) -> None:
     assignment = read_assignment(written(tmp_path / "a.toml", TASKS))
     path = written(tmp_path / "o.csv", "student,task,points,comment\n<b>Eve</b>,L1,3.5,late\n")

@@ -244,13 +244,20 @@ class Grader:
         return found
 
     def _speed(self, task: Task, program: Program, purpose: str) -> dict[str, Any] | None:
-        """With the samples of a longer look where there is time: the less weighs the program's start."""
+        """With the samples of a longer look where there is time: the less weighs the program's start. Not
+        at all where even a picture of fewer is late.
+        """
         spp = task.spp
-        if program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS):
-            spp *= MORE
+        longer = program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS)
         seeds = make_seeds(f"{purpose}/{self.keys.number(purpose, hidden=False)}/speed", speed.PAIRS)
-        compared = speed.compare(program, spp, task.technique, seeds)
-        return asdict(compared) if compared else None
+        for samples in (MORE * spp, spp) if longer else (spp,):
+            try:
+                compared = speed.compare(program, samples, task.technique, seeds)
+                return asdict(compared) if compared else None
+            except RenderError:
+                if not program.late:
+                    raise
+        return None
 
     def _stuck_noise(self, spp: int, of: Variant, hidden: bool, program: Program, purpose: str) -> str | None:
         """What is wrong where {spp} changes nothing: four times the samples have a quarter of the noise."""
