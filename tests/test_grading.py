@@ -471,6 +471,7 @@ def test_students_are_told_nothing_of_hidden_scenes(tmp_path) -> None:
     result = a_result(Outcome.FAIL, "33 % too bright; it said: camera at 1 2 3")
     [scene] = result.tasks[0].scenes
     scene.pictures = [{"uri": "data:image/png;base64,aGlkZGVu", "caption": "your mean"}]
+    scene.mistake = "each bounce loses the albedo"
     for_students: list[Callable[[], str]] = [
         lambda: results_json(result),
         lambda: tables.junit_xml([result]),
@@ -480,7 +481,8 @@ def test_students_are_told_nothing_of_hidden_scenes(tmp_path) -> None:
     assert all("camera at" in text() for text in for_students)
     scene.hidden = scene.secret = True
     told = [text() for text in for_students]
-    assert not [t for t in told if "camera at" in t or "33 %" in t or "aGlkZGVu" in t]
+    secrets = ("camera at", "33 %", "aGlkZGVu", "loses the albedo")
+    assert not [t for t in told if any(secret in t for secret in secrets)]
     assert "point-light (hidden variant): FAIL" in told[0] and all("fail" in t.lower() for t in told)
     page = student_page(assignment, result, everything=True)
     assert "camera at" in page and "aGlkZGVu" in page
