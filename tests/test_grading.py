@@ -9,6 +9,8 @@ import signal
 import socket
 import subprocess
 import sys
+import tarfile
+import time
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -20,21 +22,26 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from raycheck import references
+from raycheck import builds, checks, references
 from raycheck.cli import app
-from raycheck.grading import attacks, hidden, points, sandbox, speed, tables
+from raycheck.grading import attacks, course, hidden, points, sandbox, speed, tables
 from raycheck.grading.assignment import Limits, read_assignment
 from raycheck.grading.gradescope import failed_json, results_json
 from raycheck.grading.judge import Grader
-from raycheck.grading.keys import Keys, read_keys
+from raycheck.grading.keys import Keys, digest_of, read_keys
 from raycheck.grading.pages import clusters, student_page
 from raycheck.grading.pixels import Decoder, take_picture
-from raycheck.grading.program import Taken
+from raycheck.grading.program import Program, Taken
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.sandbox import Jail, Tier
-from raycheck.grading.submission import SubmissionError, open_submission
+from raycheck.grading.submission import (
+    Submission,
+    SubmissionError,
+    may_have_pictures,
+    open_submission,
+)
 from raycheck.images import Image, write_exr, write_pfm
-from raycheck.renderers import NotFound, RenderError, Rendering
+from raycheck.renderers import NotFound, RenderError, Rendering, RenderLate, RenderTimeout
 from raycheck.verdict import Outcome
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -82,6 +89,13 @@ def written(path: Path, text: str) -> Path:
         (TASKS + 'technique = "no-such"\n', "no technique 'no-such'"),
         ("name = ", "not TOML"),
         (TASKS.replace("delta = 0.05", 'inconclusive = "never"'), "inconclusive is 'never'"),
+        ('name = "a"\n[task]\nid = "a"', "tasks are written \\[\\[task\\]\\]"),
+        (TASKS.replace('["point-light"]', '"point-light"'), "scenes is 'point-light', a list of strings is"),
+        (TASKS.replace("points = 4", "points = nan"), "points is nan, a number is wanted"),
+        ("limits = 3\n" + TASKS, "limits is 3, a table"),
+        (TASKS + "[limits]\nmemory_mb = 0\n", "memory_mb is 0, more than 0"),
+        (TASKS + '[limits]\nreadable = ["/no/such"]\n', "readable: there is no folder /no/such"),
+        (TASKS + "noise_limit = 0\n", "noise_limit is wanted to be more than 0"),
     ],
 )
 def test_what_is_wrong_with_an_assignment_is_said(tmp_path, text: str, words: str) -> None:
@@ -103,6 +117,57 @@ def test_an_archive_is_unpacked_below_its_folder_alone(tmp_path) -> None:
         with pytest.raises(SubmissionError, match=words):
             open_submission(archive, tmp_path / name / "into")
     assert not list(tmp_path.rglob("escaped.txt"))
+
+
+def broken_archives(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Archives that make Python's readers raise something of their own, or whose names are no text."""
+    link = tarfile.TarInfo("\udcdcbung")
+    link.type, link.linkname = tarfile.SYMTYPE, "x"
+    with tarfile.open(folder / "link.tar", "w", encoding="latin-1", errors="surrogateescape") as archive:
+        archive.addfile(link)
+    yield folder / "link.tar", "is a link or a device"
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("render.cpp", "int main() {}" * 100)
+    data = whole.getvalue()
+    central = data.index(b"PK\x01\x02")
+    for name, at, value in (("version", central + 6, 99), ("deflate", data.index(b"cpp") + 4, 0xFF)):
+        path = folder / f"{name}.zip"
+        path.write_bytes(data[:at] + bytes([value]) * 3 + data[at + 3 :])
+        yield path, "cannot be unpacked"
+
+
+def test_what_cannot_be_unpacked_is_said_and_ends_nothing(tmp_path) -> None:
+    """Of the student that handed it in; whether there may be pictures is asked before, of all."""
+    for path, words in broken_archives(tmp_path):
+        (into := tmp_path / path.stem).mkdir()
+        with pytest.raises(SubmissionError, match=words) as caught:
+            open_submission(path, into)
+        assert str(caught.value).encode()
+        assert may_have_pictures(path, "L1") in (True, False)
+
+
+def test_names_that_are_no_text_are_names(tmp_path) -> None:
+    """Of files, which a Latin-1 system wrote, and of students."""
+    name = os.fsdecode(b"\xdcbung.cpp")
+    with tarfile.open(tmp_path / "a.tar", "w", errors="surrogateescape") as archive:
+        archive.addfile(tarfile.TarInfo(name))
+    (into := tmp_path / "into").mkdir()
+    assert (open_submission(tmp_path / "a.tar", into).folder / name).is_file() and len(digest_of(into)) == 64
+    (folder := tmp_path / "class").mkdir()
+    for name in (b"J\xfcrgen", b"team_1", b"team_2", b"Eve_12_assignsubmission_file", b"bob_LATE_3_4_b.zip"):
+        (folder / os.fsdecode(name)).mkdir()
+    students = [entry.student for entry in course.entries(folder, [])]
+    assert students == ["Eve", "J\ufffdrgen", "bob", "team_1", "team_2"]
+
+
+def test_a_manifest_is_commands_and_pictures_are_files(tmp_path) -> None:
+    written(tmp_path / "raycheck.toml", 'run = "./mine\\u0000 {output}"')
+    (into := tmp_path.with_name("into-nul")).mkdir()
+    with pytest.raises(SubmissionError, match="NUL byte"):
+        open_submission(tmp_path, into)
+    (tmp_path / "pictures/L1/a.exr").mkdir(parents=True)
+    assert Submission(tmp_path).pictures("L1") == []
 
 
 def test_a_folder_in_an_archive_is_the_submission(tmp_path) -> None:
@@ -176,6 +241,9 @@ def test_speed_is_measured_beside_oneray_in_the_same_jail(tmp_path, oneray: Path
     example_class.write(tmp_path, read_assignment(ROOT / "docs/lecture12.toml"), ("one-scene",))
     text = TASKS + 'technique = "nee"\nspeed_points = 0\n'
     grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), tier)
+    compare = speed.compare
+    again = lambda *what: compare(*what) and compare(*what)  # noqa: E731  as after a late picture
+    monkeypatch.setattr(speed, "compare", again)
     [task] = grader.grade(tmp_path / "one-scene", "one-scene").tasks
     assert task.points == task.most == 4, task.comment
     found = task.scenes[0].speed
@@ -234,8 +302,9 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     assert "SIGXFSZ" in big.problem and not big.late
     assert hanging.problem.startswith("not finished after 2 s") and hanging.late
     (output / "big").unlink()
+    swollen = run("tail /dev/zero")
+    assert swollen.problem and not swollen.late
     assert "Cannot fork" in problem("for i in $(seq 40); do sleep 2 & done; wait")
-    assert problem("tail /dev/zero") != ""
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"/dev/tcp/127.0.0.1/{server.getsockname()[1]}"
         subprocess.run(["bash", "-c", f"exec 3<>{address}"], check=True)
@@ -317,20 +386,20 @@ class Noisy(Taken):
     seconds: Callable[[int, int], float]
     """By samples per pixel and number of the picture."""
     noise: float = 0.8
+    task_seconds: float = 300.0
     takes_scene: bool = True
     takes_spp: bool = True
     takes_seed: bool = True
 
     @property
     def limits(self) -> Limits:
-        return Limits(picture_seconds=2.0, task_seconds=300.0)
+        return Limits(picture_seconds=2.0, task_seconds=self.task_seconds)
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         self.check_time()
         seconds = self.seconds(spp, sum(map(len, self.pictures.values())))
         if seconds > timeout:
-            self.late = True
-            raise RenderError("no picture: not finished")
+            raise RenderLate("no picture: not finished")
         mean = references.load_reference(references.variant("point-light")).mean
         k = spp / self.noise**2
         pixels = mean * np.random.default_rng(seed).gamma(k, 1 / k, (*mean.shape[:2], 1))
@@ -375,6 +444,16 @@ def test_the_clock_decides_no_verdict(tmp_path, seconds, noise: float, verdict: 
     assert found.bias is not None
 
 
+def test_time_that_ends_before_the_judged_pictures_leaves_it_open(tmp_path) -> None:
+    """Neither noise nor more samples are looked at then."""
+    asked = read_assignment(written(tmp_path / "a.toml", TASKS + 'technique = "nee"\nnoise_points = 1\n'))
+    program = Noisy(lambda spp, number: 1.2, task_seconds=10.0)
+    grader = replace(Grader.prepare(asked, Tier.NONE), assignment=replace(asked, limits=program.limits))
+    of = references.variant("point-light")
+    found = grader.judge(asked.tasks[0], of, "point-light", False, program, "clock")
+    assert found.verdict is Outcome.INCONCLUSIVE and "were over after 9 pictures" in found.reason
+
+
 def test_a_late_picture_fails_no_scene_that_passed(tmp_path, monkeypatch) -> None:
     """Speed is measured with more samples, else with the assignment's, else not."""
     grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", TASKS)), Tier.NONE)
@@ -383,8 +462,7 @@ def test_a_late_picture_fails_no_scene_that_passed(tmp_path, monkeypatch) -> Non
     def compare(program, spp, technique, seeds):
         tried.append(spp)
         if spp > in_time:
-            program.late = True
-            raise RenderError("no picture: not finished")
+            raise RenderLate("no picture: not finished")
         return speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], technique)
 
     monkeypatch.setattr(speed, "compare", compare)
@@ -395,15 +473,80 @@ def test_a_late_picture_fails_no_scene_that_passed(tmp_path, monkeypatch) -> Non
     assert grader._speed(task, Noisy(lambda spp, number: 0.1), "speed") is None
 
 
+def test_less_noise_than_the_technique_has_waits_for_a_look(tmp_path) -> None:
+    """More samples than {spp} says are cheap noise points; a better technique is not known from them."""
+    text = TASKS + 'technique = "nee"\nnoise_points = 2\nnoise_limit = 2\n'
+    assignment = read_assignment(written(tmp_path / "a.toml", text))
+    for ratio, earns, waits in ((1.0, 2.0, 0.0), (0.6, 2.0, 0.0), (0.2, 0.0, 2.0), (3.0, 0.0, 0.0)):
+        found = {"ratio": ratio, "low": 0.95 * ratio, "high": 1.05 * ratio}
+        scene = SceneResult("point-light", False, Outcome.PASS, "no bias", noise=found)
+        task = points.earned(assignment, assignment.tasks[0], [scene])
+        assert (task.points, task.pending) == (4 + earns, waits)
+        assert ("wait for a look" in task.comment) == bool(waits)
+
+
+def test_more_samples_show_the_same_picture() -> None:
+    """Black, NaN or anything else in no time would be fast."""
+    rng = np.random.default_rng(4)
+    few = 0.3 + 0.1 * rng.standard_normal((64, 3))
+    assert checks.another_picture(few, 4, 0.3 + 0.05 * rng.standard_normal((8, 3)), 16) is None
+    for many in (np.zeros((8, 3)), np.full((8, 3), 0.6), few[:8] * [1, 1, 3]):
+        assert "another picture" in checks.another_picture(few, 4, many, 16)
+    assert "NaN" in checks.another_picture(few, 4, np.full((8, 3), np.nan), 16)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")
+def test_what_the_time_of_the_whole_cuts_short_is_open(tmp_path, decoder: Decoder) -> None:
+    """Not failed: a picture that was begun, and those that were not."""
+    for name in ("scene", "scratch", "mine"):
+        (tmp_path / name).mkdir()
+    jail = Jail(Tier.NONE, Limits(picture_seconds=5.0), ends=time.perf_counter() + 0.3)
+    program = Program(
+        jail, tmp_path / "mine", "sh -c 'sleep 3' {output}", tmp_path / "scene", "a", (4, 4), "L1",
+        tmp_path / "scratch", decoder,
+    )  # fmt: skip
+    for _ in range(2):
+        with pytest.raises(RenderTimeout, match="the whole grading was over"):
+            program.render(tmp_path, 1, 1, 5.0)
+    in_time = replace(program, jail=Jail(Tier.NONE, Limits(picture_seconds=0.2)))
+    with pytest.raises(RenderLate, match="not finished"):
+        in_time.render(tmp_path, 1, 1, 5.0)
+
+
+def test_what_is_graded_by_is_part_of_what_is_kept(tmp_path, monkeypatch) -> None:
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", TASKS)), Tier.NONE)
+    before = grader.state("x")
+    assert grader.state("x") == before != grader.state("y")
+    monkeypatch.setattr(builds, "raycheck_hash", lambda: "another")
+    assert grader.state("x") != before
+    monkeypatch.undo()
+    entry = references.require(references.variant("point-light"))
+    monkeypatch.setattr(references, "require", lambda of: entry | {"date": "another reference"})
+    assert grader.state("x") != before
+
+
 def test_overrides_stand_and_name_the_line_that_is_wrong(tmp_path) -> None:
     assignment = read_assignment(written(tmp_path / "a.toml", TASKS))
     path = written(tmp_path / "o.csv", "student,task,points,comment\n<b>Eve</b>,L1,3.5,late\n")
     result = a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0)
-    tables.apply_overrides(result, tables.read_overrides(path, assignment))
+    tables.apply_overrides(result, tables.read_overrides(path, assignment, {"<b>Eve</b>"}))
     assert result.total == 3.5 and not result.review and "late" in result.tasks[0].comment
-    for row, words in (("x,L9,1,", "o.csv:2: no task 'L9'"), ("x,L1,much,", "o.csv:2: 'much' is no number")):
+    for row, words in (
+        ("x,L9,1,", "o.csv:2: no task 'L9'"), ("x,L1,much,", "o.csv:2: 'much' is no number"),
+        ("x,L1,nan,", "o.csv:2: 'nan' is no number"), ("y,L1,1,", "no submission of a student 'y'"),
+    ):  # fmt: skip
         with pytest.raises(NotFound, match=words):
-            tables.read_overrides(written(path, f"student,task,points,comment\n{row}\n"), assignment)
+            tables.read_overrides(written(path, f"student,task,points,comment\n{row}\n"), assignment, {"x"})
+
+
+def test_an_override_that_is_taken_back_is_gone_everywhere(tmp_path) -> None:
+    assignment = read_assignment(written(tmp_path / "a.toml", TASKS))
+    course.write_student(assignment, a_result(Outcome.FAIL, "too dark"), tmp_path)
+    told = course.student_folder(tmp_path, "<b>Eve</b>")
+    for overrides in ({("<b>Eve</b>", "L1"): tables.Override(1.5, "")}, {}):
+        course.write_class(assignment, [a_result(Outcome.FAIL, "too dark")], tmp_path, [], overrides)
+        pages = [(told / name).read_text(encoding="utf-8") for name in ("index.html", "results.json")]
+        assert all(("by hand" in page) == bool(overrides) for page in pages)
 
 
 @pytest.fixture(scope="module")

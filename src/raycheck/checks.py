@@ -28,6 +28,8 @@ RARE = 2.0
 FEWEST_VARYING = 256
 """Pixels that must vary for their correlation to say anything."""
 GROWTH_ERROR, GROWTH_ERRORS = 0.7, 5.0
+OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
+"""Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
 """Standard error of the logarithm of a region's variance from eight images, and how many of the median's are
 beyond chance.
 """
@@ -130,6 +132,21 @@ def stuck_noise(few: Array, spp: int, many: Array, more: int) -> str | None:
         f"{more / spp:.2g} times the samples have {math.exp(growth - stuck):.2g} of the variance, not "
         f"{spp / more:.2g}: the samples of a pixel are not independent, are they all of one seed?"
     )
+
+
+def another_picture(few: Array, spp: int, many: Array, more: int) -> str | None:
+    """`few` and `many` are means (B, 3) of whole images with `spp` and `more` samples per pixel: of one
+    picture, or not even numbers.
+    """
+    if not np.isfinite(many).all():
+        return f"with {more} samples per pixel the image holds NaN or Inf"
+    variance = few.var(axis=0, ddof=1) * (1 / len(few) + spp / more / len(many))
+    difference = np.abs(many.mean(axis=0) - few.mean(axis=0))
+    least = np.maximum(OTHER_ERRORS * np.sqrt(variance), OTHER_SIZE * np.abs(few.mean(axis=0)))
+    if np.all(difference <= least):
+        return None
+    times = f"{many.mean() / few.mean() if few.mean() else math.inf:.3g} times"
+    return f"with {more} samples per pixel it is another picture than with {spp}, {times} as bright"
 
 
 def clamped_samples(bias: float, noise: float) -> str | None:

@@ -106,7 +106,6 @@ def grade(
             raise NotFound("grade needs either a SUBMISSION or --class DIR")
         asked = read_assignment(assignment)
         names = tables.read_roster(roster) if roster else []
-        by_hand = tables.read_overrides(overrides, asked) if overrides else {}
         found = (
             course.entries(class_folder, names)
             if class_folder
@@ -114,6 +113,8 @@ def grade(
         )
         if submission is not None and not submission.exists():
             raise NotFound(f"{submission}: there is no such file or folder")
+        students = {entry.student for entry in found}
+        by_hand = tables.read_overrides(overrides, asked, students) if overrides else {}
         pool = pools.chosen(jobs, dask)
         grader = Grader.prepare(asked, _tier(no_sandbox, dask))
         out.mkdir(parents=True, exist_ok=True)

@@ -30,6 +30,10 @@ class RenderTimeout(RenderError):
     """A renderer that did not end in time."""
 
 
+class RenderLate(RenderError):
+    """A picture that took longer than it may: none, where an assignment says so."""
+
+
 class NotFound(Exception):
     """A renderer that cannot be started at all, or a request that makes no sense: nothing can be judged."""
 

@@ -97,6 +97,8 @@ class Case:
     """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
     unbounded: bool = False
     """The scene says that this technique's samples have no bound: no small detectable bias is asked then."""
+    late: bool = False
+    """It FAILs because a picture took longer than it may."""
     looks: int = 1
     """With fresh samples each; the last one's figures."""
     fingerprint: str = ""
@@ -316,6 +318,8 @@ def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> C
         return case(Outcome.FAIL, str(error))
     except renderers.RenderTimeout as error:
         return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
+    except renderers.RenderLate as error:
+        return case(Outcome.FAIL, str(error), late=True)
     except renderers.RenderError as error:
         return case(Outcome.FAIL, str(error))
 

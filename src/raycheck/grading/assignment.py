@@ -115,8 +115,12 @@ def read_assignment(path: Path) -> Assignment:
         raise NotFound(f"{path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise NotFound(f"{path}: not TOML: {error}") from None
-    tables = found.pop("task", [])
-    limits = _table(Limits, found.pop("limits", {}), f"{path}: [limits]")
+    tables, limited = found.pop("task", []), found.pop("limits", {})
+    if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
+        raise NotFound(f"{path}: tasks are written [[task]], each a table")
+    if not isinstance(limited, dict):
+        raise NotFound(f"{path}: limits is {limited!r}, a table [limits] is wanted")
+    limits = _limits(_table(Limits, limited, f"{path}: [limits]"), f"{path}: [limits]")
     tasks = tuple(_task(table, f"{path}: task {i + 1}") for i, table in enumerate(tables))
     if not tasks:
         raise NotFound(f"{path}: there is no [[task]]")
@@ -129,8 +133,17 @@ def read_assignment(path: Path) -> Assignment:
     return assignment
 
 
+def _limits(limits: Limits, where: str) -> Limits:
+    for key, value in vars(limits).items():
+        if key != "readable" and not value > 0:
+            raise NotFound(f"{where}: {key} is {value:g}, more than 0 is wanted")
+    for place in limits.readable:
+        if not Path(place).is_dir():
+            raise NotFound(f"{where}: readable: there is no folder {place}")
+    return limits
+
+
 def _task(table: Mapping[str, Any], where: str) -> Task:
-    table = {**table, "scenes": tuple(table.get("scenes", ()))}
     task = _table(Task, table, where)
     if not task.scenes or task.points < 0 or task.spp < 1 or task.hidden < 0:
         raise NotFound(f"{where}: it needs scenes, points ≥ 0, spp ≥ 1 and hidden ≥ 0")
@@ -141,6 +154,8 @@ def _task(table: Mapping[str, Any], where: str) -> Task:
     for points, key in ((task.noise_points, "noise_points"), (task.speed_points, "speed_points")):
         if points < 0:
             raise NotFound(f"{where}: {key} is {points:g}, at least 0 is wanted")
+        if not getattr(task, key.replace("points", "limit")) > 0:
+            raise NotFound(f"{where}: {key.replace('points', 'limit')} is wanted to be more than 0")
         if key in table and not task.technique:
             raise NotFound(f"{where}: {key} need the technique of oneray to compare with")
     return task
@@ -168,11 +183,14 @@ _KINDS = {
 def _value(value: Any, kind: Any, where: str) -> Any:
     accepted = _KINDS[kind]
     if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in accepted):
-        raise NotFound(f"{where} is {value!r}, {getattr(kind, '__name__', kind)} is wanted")
+        wanted = "a list of strings" if accepted[0] is list else getattr(kind, "__name__", kind)
+        raise NotFound(f"{where} is {value!r}, {wanted} is wanted")
     if accepted[0] is list:
         if not all(isinstance(v, str) for v in value):
             raise NotFound(f"{where}: a list of strings is wanted")
         return tuple(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise NotFound(f"{where} is {value}, a number is wanted")
     return float(value) if kind is float else value
 
 

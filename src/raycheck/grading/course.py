@@ -6,6 +6,7 @@ interrupted. Nothing that one submission does stops the rest.
 
 import functools
 import hashlib
+import os
 import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -44,8 +45,9 @@ class Entry:
 def entries(folder: Path, roster: Sequence[str]) -> list[Entry]:
     """The submissions of a folder, as an LMS leaves it: a folder or an archive for each student.
 
-    The student is the whole name where the roster has it, else what stands before the first "_" (Moodle:
-    "Name_123_assignsubmission_file", Canvas: "name_123_456_file.zip"), else the whole name.
+    The student is the whole name where the roster has it, else what stands before the first number between
+    "_" (Moodle: "Name_123_assignsubmission_file", Canvas: "name_123_456_file.zip", "name_LATE_123_456_…"),
+    else the whole name.
     """
     if not folder.is_dir():
         raise NotFound(f"{folder}: there is no such folder")
@@ -63,10 +65,10 @@ def entries(folder: Path, roster: Sequence[str]) -> list[Entry]:
 
 
 def _student(path: Path, roster: Sequence[str]) -> str:
-    name = re.sub(r"(\.zip|\.tar(\.\w+)?|\.tgz)$", "", path.name, flags=re.IGNORECASE)
-    if name in roster or not re.search(r"_\d+", name):
-        return name
-    return name.split("_")[0]
+    text = os.fsencode(path.name).decode(errors="replace")
+    name = re.sub(r"(\.zip|\.tar(\.\w+)?|\.tgz)$", "", text, flags=re.IGNORECASE)
+    found = re.match(r"(.+?)(_LATE)?_\d+_", name)
+    return found[1] if found and name not in roster else name
 
 
 def content(path: Path) -> Path:
@@ -183,8 +185,8 @@ def write_class(
 ) -> None:  # fmt: skip
     """grades.csv and the class page, with the teacher's overrides, which the students' files get too."""
     for result in results:
-        if apply_overrides(result, overrides):
-            write_for_student(assignment, result, student_folder(out, result.student))
+        apply_overrides(result, overrides)
+        write_for_student(assignment, result, student_folder(out, result.student))
     pages = {r.student: f"students/{folder_name(r.student)}/{TEACHERS}" for r in results}
     write_whole(out / "grades.csv", grades_csv(assignment, results, roster))
     write_whole(out / "index.html", course_page(assignment, results, pages))

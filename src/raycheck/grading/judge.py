@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import checks, lecture, pictures, references
+from raycheck import builds, checks, lecture, pictures, references
 from raycheck.grading import handed_in, noise, points, speed
 from raycheck.grading.assignment import PICTURES, Assignment, Task
 from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant, with_reference
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
 from raycheck.grading.pixels import Decoder
-from raycheck.grading.program import Program, build, write_scene
+from raycheck.grading.program import OVER, Program, build, write_scene
 from raycheck.grading.results import (
     NOT_EXECUTED,
     SceneResult,
@@ -35,12 +35,12 @@ from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.references import Variant
-from raycheck.renderers import RenderError, RenderTimeout
+from raycheck.renderers import RenderError, RenderLate, RenderTimeout
 from raycheck.seeds import make_seeds
 from raycheck.tiles import region_means
 from raycheck.truth import truth_of
 from raycheck.verdict import Limits, Outcome
-from raycheck.verify import BATCHES, PILOT_IMAGES, Case, raycheck_version, verify
+from raycheck.verify import BATCHES, PILOT_IMAGES, Case, verify
 
 Array = NDArray[np.float64]
 TILES = Limits.tile / Limits.image
@@ -52,7 +52,6 @@ LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
 OTHER = "the pictures show another student's variant of the scene, not yours"
 PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
 NOT_TRIED = "not tried: the scene itself fails"
-OVER = "the time for the whole grading was over before this scene"
 FEW_IMAGES = 8
 MORE = 4
 """Times the samples of a look that noise makes necessary."""
@@ -158,8 +157,15 @@ class Grader:
     def state(self, digest: str) -> str:
         """Of a submission's digest and of all that it is graded by, wherever that is."""
         asked = replace(self.assignment, path=Path())
-        what = (raycheck_version(), asked, self.keys.secret.hex(), self.tier, digest)
+        scenes = [references.require(of) for every in self.scenes.values() for of, _, _ in every]
+        programs = builds.raycheck_hash(), builds.oneray_hash() if self.compares else ""
+        what = (programs, asked, scenes, self.keys.secret.hex(), self.tier, digest)
         return hashlib.sha256(repr(what).encode()).hexdigest()
+
+    @property
+    def compares(self) -> bool:
+        """With oneray, in noise or speed."""
+        return any(task.noise_points or task.measures_speed for task in self.assignment.tasks)
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
         if not attempt.command:
@@ -171,7 +177,7 @@ class Grader:
             if hidden and scenes[-1].verdict is Outcome.FAIL:
                 scenes.append(SceneResult(name, True, Outcome.FAIL, NOT_TRIED))
             elif attempt.jail.left() <= 0:
-                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, OVER))
+                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, f"{OVER} before this scene"))
             else:
                 work = attempt.place / f"{task.id}-{number}".replace("/", "_")
                 scenes.append(self._scene(task, of, name, hidden, attempt, work))
@@ -223,21 +229,22 @@ class Grader:
         open_ = cases[-1].verdict is Outcome.INCONCLUSIVE and cases[-1].more_samples and program.takes_spp
         if open_ and program.has_time(spp, MORE * spp, LOOK):
             more = look(1, MORE * spp)
-            if not (more.bias is None and program.late):  # too slow for more samples: it stays open
+            if not more.late and (more.bias is not None or more.verdict is Outcome.FAIL):  # else too slow
                 cases.append(more)
                 spp = MORE * task.spp
         if cases[-1].verdict is Outcome.FAIL and cases[-1].bias is not None:
             cases.append(look(2, spp))
         last = cases[-1]
-        if last.verdict is not Outcome.FAIL and program.takes_spp:
-            stuck = self._stuck_noise(task.spp, of, hidden, program, purpose)
-            last = replace(last, verdict=Outcome.FAIL, reason=stuck) if stuck else last
+        enough = program.takes_spp and len(program.pictures.get(task.spp, ())) >= FEW_IMAGES
+        if last.verdict is not Outcome.FAIL and enough:
+            wrong = self._many_samples(task.spp, of, program, purpose)
+            last = replace(last, verdict=Outcome.FAIL, reason=wrong) if wrong else last
         found = _scene_result(name, hidden, last, len(cases))
         found.seconds = round(time.perf_counter() - started, 1)
         found.borderline = last.verdict is not Outcome.FAIL and any(c.verdict is Outcome.FAIL for c in cases)
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
-        if task.noise_points and last.verdict is not Outcome.FAIL and program.takes_spp:
+        if task.noise_points and last.verdict is not Outcome.FAIL and enough:
             kept = private_folder(self.assignment.path)
             compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique, kept)
             found.noise = asdict(compared) if compared else None
@@ -249,34 +256,34 @@ class Grader:
         """
         spp = task.spp
         longer = program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS)
-        seeds = make_seeds(f"{purpose}/{self.keys.number(purpose, hidden=False)}/speed", speed.PAIRS)
+        seeds = make_seeds(f"{purpose}/{self.keys.number(purpose, hidden=True)}/speed", speed.PAIRS)
         for samples in (MORE * spp, spp) if longer else (spp,):
             try:
                 compared = speed.compare(program, samples, task.technique, seeds)
                 return asdict(compared) if compared else None
-            except RenderError:
-                if not program.late:
-                    raise
+            except (RenderLate, RenderTimeout):
+                continue
         return None
 
-    def _stuck_noise(self, spp: int, of: Variant, hidden: bool, program: Program, purpose: str) -> str | None:
-        """What is wrong where {spp} changes nothing: four times the samples have a quarter of the noise."""
+    def _many_samples(self, spp: int, of: Variant, program: Program, purpose: str) -> str | None:
+        """What is wrong with four times the samples: they show the same picture with a quarter of the noise.
+        No program knows these seeds.
+        """
         many = MORE * spp
         if len(program.pictures.get(many, ())) < FEW_IMAGES:
             if not program.has_time(spp, many, FEW_IMAGES):
                 return None
-            key = f"{purpose}/{self.keys.number(purpose, hidden)}/samples"
+            key = f"{purpose}/{self.keys.number(purpose, hidden=True)}/samples"
             try:
                 for seed in make_seeds(key, FEW_IMAGES):
                     program.render(of.path, many, seed, self.assignment.limits.picture_seconds)
-            except RenderError:
-                if program.late:
-                    return None
-                raise
+            except (RenderLate, RenderTimeout):
+                return None
         truth = truth_of(references.load_reference(of))
         regions = truth.regions(spp)
         means = [region_means(np.stack(program.pictures[n]), regions) for n in (spp, many)]
-        return checks.stuck_noise(means[0], spp, means[1], many)
+        problem = checks.stuck_noise(means[0], spp, means[1], many)
+        return problem or checks.another_picture(means[0][:, 0], spp, means[1][:, 0], many)
 
 
 @dataclass(frozen=True)

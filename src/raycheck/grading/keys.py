@@ -6,6 +6,7 @@ the grader sees. Hidden ones take HMAC-SHA-256(secret, what it is for).
 
 import hashlib
 import hmac
+import os
 import secrets
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,7 +50,7 @@ def digest_of(folder: Path) -> str:
     """Of all files below a folder, their names and contents."""
     whole = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        name = path.relative_to(folder).as_posix().encode()
+        name = os.fsencode(path.relative_to(folder).as_posix())
         whole.update(len(name).to_bytes(4, "little") + name)
         whole.update(hashlib.sha256(path.read_bytes()).digest())
     return whole.hexdigest()

@@ -34,7 +34,10 @@ def take_picture(
 
     `private` is a folder that no student's program reaches; RenderError says what is wrong.
     """
-    names = sorted(p.name for p in folder.iterdir() if p.name.startswith("image.exr"))[:2]
+    try:
+        names = sorted(p.name for p in folder.iterdir() if p.name.startswith("image.exr"))[:2]
+    except OSError:
+        raise RenderError("the folder of {output} was closed by the program: it cannot be read") from None
     name = "image.exr" if "image.exr" in names else names[0] if len(names) == 1 else ""
     if not name:
         raise RenderError(f"exit status 0, but {{output}} was not written{said}")

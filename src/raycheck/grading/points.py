@@ -7,6 +7,10 @@ from raycheck.grading.assignment import REVIEW, Assignment, Task
 from raycheck.grading.results import SceneResult, TaskResult
 from raycheck.verdict import Outcome
 
+CALM = (
+    "; that is less noise than this technique has: these points wait for a look at the program, whether its "
+    "technique is a better one or it takes more samples than {spp} says"
+)
 Ratio = Mapping[str, Any]
 """A comparison with oneray: ratio, low, high."""
 
@@ -18,12 +22,15 @@ def earned(assignment: Assignment, task: Task, scenes: list[SceneResult]) -> Tas
     points = share * outcomes.count(Outcome.PASS)
     waiting = share * outcomes.count(Outcome.INCONCLUSIVE)
     verdict = next((o for o in (Outcome.FAIL, Outcome.INCONCLUSIVE) if o in outcomes), Outcome.PASS)
-    quiet = fast = 0.0
+    quiet = fast = review = 0.0
     comments = []
     if task.noise_points and verdict is not Outcome.FAIL:
-        worst, within = _worst([s.noise for s in scenes], task.noise_limit)
-        quiet = task.noise_points if within else 0.0
-        comments.append(_noise_comment(task, worst, within))
+        found = [s.noise for s in scenes]
+        worst, within = _worst(found, task.noise_limit)
+        calm = any(one["high"] < 1 / task.noise_limit for one in found if one)
+        quiet = task.noise_points if within and not calm else 0.0
+        review = task.noise_points if within and calm else 0.0
+        comments.append(_noise_comment(task, worst, within) + (CALM if review else ""))
     if task.measures_speed and verdict is not Outcome.FAIL:
         worst, within = _worst([s.speed for s in scenes], task.speed_limit)
         fast = task.speed_points if within else 0.0
@@ -33,7 +40,8 @@ def earned(assignment: Assignment, task: Task, scenes: list[SceneResult]) -> Tas
         waiting = 0.0
     hint = task.hint if verdict is not Outcome.PASS else ""
     return TaskResult(
-        task.id, task.heading, task.lecture, verdict, round(points + quiet + fast, 4), round(waiting, 4),
+        task.id, task.heading, task.lecture, verdict, round(points + quiet + fast, 4),
+        round(waiting + review, 4),
         task.most, scenes, quiet, fast, hint, "; ".join(comments),
     )  # fmt: skip
 

@@ -20,6 +20,7 @@ from raycheck.renderers import (
     NotFound,
     RenderError,
     Rendering,
+    RenderLate,
     RenderTimeout,
     TakesPlaceholders,
     split_command,
@@ -27,6 +28,7 @@ from raycheck.renderers import (
 from raycheck.scene_reader import read_scene
 
 Array = NDArray[np.float64]
+OVER = "the time for the whole grading was over"
 
 
 def write_scene(of: Variant, name: str, folder: Path) -> tuple[int, int]:
@@ -58,8 +60,6 @@ class Taken:
     """By samples per pixel."""
     times: dict[int, float] = field(default_factory=dict, kw_only=True)
     """Seconds that they took together, by samples per pixel."""
-    late: bool = field(default=False, kw_only=True)
-    """A picture was not finished in its time, or not begun in the task's."""
     lock: threading.Lock = field(default_factory=threading.Lock, kw_only=True)
 
     @property
@@ -82,7 +82,6 @@ class Taken:
         """RenderTimeout where the task's time is over."""
         limit = self.limits.task_seconds
         if self.spent > limit:
-            self.late = True
             done = sum(map(len, self.pictures.values()))
             raise RenderTimeout(f"the {limit:.0f} s of the task were over after {done} pictures")
 
@@ -150,9 +149,11 @@ class Program(Taken, TakesPlaceholders):
                 words, seconds=min(limits.picture_seconds, timeout), folder=self.folder, writable=False,
                 readable={self.scene: "/task"}, output=output,
             )  # fmt: skip
+            if done.problem and done.late and self.jail.left() <= 0:
+                raise RenderTimeout(OVER)
             if done.problem:
-                self.late = done.late
-                raise RenderError(f"no picture (seed {seed}): {done.problem}")
+                kind = RenderLate if done.late else RenderError
+                raise kind(f"no picture (seed {seed}): {done.problem}")
             image = take_picture(
                 output, private, limits.output_mb << 20, self.size, self.decoder, _said(done.said)
             )

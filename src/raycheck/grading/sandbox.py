@@ -283,7 +283,7 @@ def _rlimits(limits: Limits, seconds: float) -> dict[str, int]:
     """Of each process."""
     return {
         "RLIMIT_AS": limits.memory_mb << 20, "RLIMIT_FSIZE": limits.output_mb << 20,
-        "RLIMIT_CPU": int(seconds * 4) + 2, "RLIMIT_CORE": 0, "RLIMIT_NOFILE": 256,
+        "RLIMIT_CPU": int(seconds * max(4, os.cpu_count() or 1)) + 2, "RLIMIT_CORE": 0, "RLIMIT_NOFILE": 256,
     }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from raycheck.grading.program import Taken
 from raycheck.images import Image
 from raycheck.mutants import OPTIONS
 from raycheck.references import Variant
-from raycheck.renderers import RenderError, Rendering
+from raycheck.renderers import RenderError, Rendering, RenderLate
 from raycheck.techniques import technique
 
 START_SECONDS = 0.03
@@ -66,8 +66,7 @@ class Simulated(Taken):
         self.check_time()
         seconds = self.seconds(spp)
         if seconds > timeout:
-            self.late = True
-            raise RenderError(f"no picture (seed {seed}): not finished after {timeout:.0f} s")
+            raise RenderLate(f"no picture (seed {seed}): not finished after {timeout:.0f} s")
         count = int(np.prod(self.shape))
         try:
             self.process.stdin.write(f"{spp} {seed}\n".encode())

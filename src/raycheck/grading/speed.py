@@ -40,7 +40,8 @@ def compare(program: Program, spp: int, name: str, seeds: Sequence[int]) -> Spee
     RenderError where the program makes no picture.
     """
     oneray = program.scratch / "oneray"
-    bundle_oneray(oneray)
+    if not oneray.is_dir():
+        bundle_oneray(oneray)
     pairs = []
     for seed in seeds:
         theirs = _oneray_seconds(program, oneray, spp, seed, name)

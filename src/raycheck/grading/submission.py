@@ -30,6 +30,9 @@ ARCHIVES = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
 class SubmissionError(Exception):
     """A submission that cannot be graded at all: one plain sentence for the student."""
 
+    def __init__(self, text: str) -> None:
+        super().__init__(text.encode(errors="replace").decode())  # names in an archive may be no text
+
 
 @dataclass(frozen=True)
 class Submission:
@@ -49,7 +52,7 @@ class Submission:
     def pictures(self, task: str) -> list[Path]:
         """Those that are handed in for a task, in the order of their names."""
         folder = self.folder / PICTURES / task
-        return sorted(p for p in folder.glob("*") if p.suffix.lower() in (".exr", ".pfm"))
+        return sorted(p for p in folder.glob("*") if p.suffix.lower() in (".exr", ".pfm") and p.is_file())
 
 
 def is_archive(path: Path) -> bool:
@@ -105,12 +108,22 @@ def may_have_pictures(path: Path, task: str) -> bool:
             with zipfile.ZipFile(path) as archive:
                 return any(inside in name for name in archive.namelist())
         return tarfile.is_tarfile(path)
-    except (OSError, EOFError, zipfile.BadZipFile, tarfile.TarError):
+    except Exception:  # whatever a hostile archive makes its readers raise: who opens it says so
         return False
 
 
 def open_submission(path: Path, into: Path) -> Submission:
-    """Copy or unpack into the empty folder `into`, and read the manifest."""
+    """Copy or unpack into the empty folder `into`, and read the manifest; or SubmissionError."""
+    try:
+        _unpack(path, into)
+    except SubmissionError:
+        raise
+    except Exception as error:  # whatever a hostile archive makes its readers raise
+        raise SubmissionError(f"it cannot be unpacked: {error}") from None
+    return _manifest(_root(into))
+
+
+def _unpack(path: Path, into: Path) -> None:
     if path.is_dir():
         _take(_in_folder(path), into)
     elif path.is_file() and zipfile.is_zipfile(path):
@@ -121,7 +134,6 @@ def open_submission(path: Path, into: Path) -> Submission:
             _take(_in_tar(archive), into)
     else:
         raise SubmissionError(f"{path.name} is neither a folder nor an archive (zip, tar)")
-    return _manifest(_root(into))
 
 
 @dataclass(frozen=True)
@@ -172,20 +184,17 @@ def _in_tar(archive: tarfile.TarFile) -> Iterator[_Entry]:
 def _reading(opener, name: str) -> IO[bytes]:
     try:
         return opener()
-    except (RuntimeError, NotImplementedError, zipfile.BadZipFile, OSError) as error:
+    except Exception as error:
         raise SubmissionError(f"{name} cannot be unpacked: {error}") from None
 
 
 def _take(entries: Iterator[_Entry], into: Path) -> None:
     count = total = 0
-    try:
-        for entry in entries:
-            count += 1
-            total += _copy(entry, into / _safe(entry.name), MOST_BYTES - total)
-            if count > MOST_FILES:
-                raise SubmissionError(TOO_MANY)
-    except (zipfile.BadZipFile, tarfile.TarError, EOFError, OSError) as error:
-        raise SubmissionError(f"it cannot be unpacked: {error}") from None
+    for entry in entries:
+        count += 1
+        total += _copy(entry, into / _safe(entry.name), MOST_BYTES - total)
+        if count > MOST_FILES:
+            raise SubmissionError(TOO_MANY)
     if not count:
         raise SubmissionError("it holds no files")
 
@@ -234,6 +243,8 @@ def _manifest(folder: Path) -> Submission:
     wrong = [key for key, value in found.items() if key not in KEYS or not isinstance(value, str)]
     if wrong:
         raise SubmissionError(f"{MANIFEST}: {wrong[0]!r} is not one of {', '.join(KEYS)}, each a string")
+    if any("\0" in value for value in found.values()):
+        raise SubmissionError(f"{MANIFEST}: a command with a NUL byte")
     return Submission(folder, **found, has_manifest=True)
 
 

@@ -2,7 +2,8 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,17 +22,25 @@ class Override:
     comment: str
 
 
-def read_overrides(path: Path, assignment: Assignment) -> dict[tuple[str, str], Override]:
-    """student,task,points,comment: by student and task; NotFound names the line that is wrong."""
+def read_overrides(
+    path: Path, assignment: Assignment, students: Collection[str]
+) -> dict[tuple[str, str], Override]:
+    """student,task,points,comment: by student and task; NotFound names the line that is wrong. `students`
+    are those who handed in something.
+    """
     known = {task.id: task for task in assignment.tasks}
     found = {}
     for line, row in _rows(path, ("student", "task", "points")):
         try:
             points = float(row["points"])
+            if not math.isfinite(points):
+                raise ValueError
         except ValueError:
             raise NotFound(f"{path}:{line}: {row['points']!r} is no number of points") from None
         if row["task"] not in known:
             raise NotFound(f"{path}:{line}: no task {row['task']!r}; there are {', '.join(known)}")
+        if row["student"] not in students:
+            raise NotFound(f"{path}:{line}: there is no submission of a student {row['student']!r}")
         found[row["student"], row["task"]] = Override(points, row.get("comment") or "")
     return found
 
@@ -54,17 +63,14 @@ def _rows(path: Path, needed: Sequence[str]):
         yield reader.line_num, {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
 
 
-def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], Override]) -> bool:
-    """The teacher's points in place of the grader's; whether there are any."""
-    changed = False
+def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], Override]) -> None:
+    """The teacher's points in place of the grader's."""
     for task in result.tasks:
         override = overrides.get((result.student, task.id))
         if override:
             task.points, task.pending = override.points, 0.0
             said = f"points set by hand{': ' + override.comment if override.comment else ''}"
             task.comment = "; ".join(filter(None, (said, task.comment)))
-            changed = True
-    return changed
 
 
 def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster: Sequence[str]) -> str:
