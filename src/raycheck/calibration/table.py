@@ -10,7 +10,7 @@ def markdown(found: Mapping[str, Any]) -> str:
     """Kill rates and false alarms by rule, then what else was measured, a line each."""
     return "\n\n".join(
         [_rules(found["mutants"], found["nulls"]), _alarms(found["nulls"]), _power(found["mde"]),
-         _naming(found["naming"])]
+         _naming(found["naming"]), _gradings(found["gradings"])]
     )  # fmt: skip
 
 
@@ -69,3 +69,12 @@ def _naming(naming: Mapping[str, Any]) -> str:
             f"{told['orphans'] - told['twins']} that look like no other"
         )
     return f"Naming mistakes in another form than the catalogue's. {'. '.join(parts)}."
+
+
+def _gradings(found: Mapping[str, Any]) -> str:
+    return (
+        f"An honest program graded {found['gradings']} times with fresh keys, all tasks of an assignment "
+        f"each time: {found['verdicts_failed']} of {found['verdicts']:,} verdicts are FAIL (less than "
+        f"{100 * found['verdict_rate_below']:.2g} % are, at {100 * found['confidence']:.0f} % confidence); "
+        f"{found['unconfirmed_failures']} looks failed by chance, to be taken back by a second one."
+    )
