@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import references, renderers
+from raycheck import references, renderers, words
 from raycheck.images import load_image
 from raycheck.references import ladder, variant
 from raycheck.tasks import COVER, oneray_agenda, renderer_agenda, write_variant
@@ -55,6 +55,20 @@ def test_a_quick_run_covers_every_technique_and_every_scene() -> None:
     for one in TECHNIQUES:
         everywhere = sum(name == one.name for _, name in whole)
         assert sum(name == one.name for _, name in quick) >= min(COVER, everywhere)
+
+
+def test_a_reason_is_said_once() -> None:
+    found = {
+        "metal, light": "pixel (1, 2) shows a mirror",
+        "caustic, light": "pixel (3, 4) shows a mirror",
+        "metal, light-uniform-choice": "pixel (1, 2) shows a mirror",
+        "caustic, light-uniform-choice": "pixel (5, 6) shows a mirror",
+        "furnace@depth=2": "there is no fresh reference",
+    }
+    assert words.left_out(found) == [
+        "Left out: light, light-uniform-choice on metal, caustic: a pixel shows a mirror.",
+        "Left out: furnace@depth=2: there is no fresh reference.",
+    ]
 
 
 def test_light_paths_are_left_out_where_the_eye_sees_a_mirror() -> None:
@@ -117,13 +131,13 @@ def test_what_no_reference_can_be_made_of(tmp_path: Path) -> None:
     """One line, exit status 2, nothing left behind."""
     broken = tmp_path / "broken.xml"
     broken.write_text('<scene version="3.0.0"><shape type="cylinder"/></scene>')
-    for words, message in (
+    for arguments, message in (
         (["nowhere.xml"], "no scene 'nowhere.xml'"),
         ([broken, "--by", "oneray"], "needs an <integrator"),
         (["furnace", "-Dcolour=1"], "has no parameter colour"),
         (["furnace", "-Ddepth"], "-Dname=value is wanted"),
     ):
-        done = raycheck("reference", *words, folder=tmp_path)
+        done = raycheck("reference", *arguments, folder=tmp_path)
         assert done.returncode == 2
         assert message in done.stderr and len(done.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == [broken]

@@ -451,8 +451,8 @@ def show(result: Verification) -> None:
     console.print()
     console.print(sentence + ".", highlight=False)
     console.print(_judged_against(result.cases), highlight=False, soft_wrap=True)
-    for case, why in result.header.get("left_out", {}).items():
-        console.print(f"Left out: {case}: {why}.", highlight=False, markup=False, soft_wrap=True)
+    for line in words.left_out(result.header.get("left_out", {})):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _judged_against(cases: list[Case]) -> str:

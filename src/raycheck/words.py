@@ -1,7 +1,8 @@
 """Verdicts as sentences: where, how much, how sure, and what would decide."""
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
 from raycheck.diagnosis import Mistake
 from raycheck.parts import Explanation, Hypothesis
@@ -162,3 +163,22 @@ def duration(seconds: float) -> str:
     if seconds < 5400:
         return f"{seconds / 60:.0f} min"
     return f"{seconds / 3600:.1f} h"
+
+
+def left_out(cases: Mapping[str, str]) -> list[str]:
+    """A sentence for each reason why cases ("scene, technique" or "scene") are not judged; places in images
+    do not count as reasons of their own.
+    """
+    found: dict[str, dict[str, list[str]]] = {}
+    for case, why in cases.items():
+        scene, _, technique = case.partition(", ")
+        reason = re.sub(r"^pixel \(.*?\)", "a pixel", why)
+        found.setdefault(reason, {}).setdefault(technique, []).append(scene)
+    lines = []
+    for why, by_technique in found.items():
+        together: dict[str, list[str]] = {}
+        for technique, scenes in by_technique.items():
+            together.setdefault(", ".join(scenes), []).append(technique)
+        parts = [f"{', '.join(t)} on {scenes}" if any(t) else scenes for scenes, t in together.items()]
+        lines.append(f"Left out: {'; '.join(parts)}: {why}.")
+    return lines
