@@ -40,3 +40,12 @@ def wide(tmp_path_factory: pytest.TempPathFactory) -> list[Driver]:
     """The same for two lanes in double precision and four in single, which any processor here has."""
     folder = tmp_path_factory.mktemp("wide")
     return [Driver(folder, "double", 2), Driver(folder, "single", 4)]
+
+
+@pytest.fixture
+def decoder():
+    """Of the pictures of a submission."""
+    from raycheck.grading.pixels import Decoder  # it sets how many threads OpenImageIO has
+
+    with Decoder() as one:
+        yield one

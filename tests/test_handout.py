@@ -9,6 +9,7 @@ from pathlib import Path
 
 import junitparser
 import pytest
+from gradings import written
 from typer.testing import CliRunner
 
 from raycheck import references, scene_export
@@ -104,11 +105,6 @@ points = 4
 needs_jail = pytest.mark.skipif(
     sys.platform != "linux" or bool(sandbox.why_not(Tier.BUBBLEWRAP)), reason="bubblewrap does not work here"
 )
-
-
-def written(path: Path, text: str) -> Path:
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def test_functions_are_found_by_tokens(tmp_path) -> None:

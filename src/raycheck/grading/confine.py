@@ -76,6 +76,8 @@ class Rules:
     environment: dict[str, str]
     folder: str
     """Where the command starts."""
+    doors: list[str]
+    """Of the control groups that the command belongs to."""
 
 
 libc = ctypes.CDLL(None, use_errno=True)
@@ -192,6 +194,8 @@ def load_filter(rules: Rules) -> None:
 def become(rules: Rules, words: list[str], info: int) -> None:
     """The command, confined; returns only by an exception. `info` gets a line once the jail stands."""
     os.setsid()
+    for door in rules.doors:
+        Path(door).write_text("0")
     Path("/proc/self/oom_score_adj").write_text("1000")  # where memory is short the command goes first
     ruleset = open_ruleset(rules) if rules.landlock else None
     limits = {**rules.limits, "RLIMIT_NPROC": rules.processes + (0 if rules.user is not None else _tasks())}
