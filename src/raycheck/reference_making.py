@@ -200,6 +200,7 @@ def make_reference(
         "width": mean.shape[1],
         "height": mean.shape[0],
         "seconds": round(time.perf_counter() - start + plan.spent, 1),
+        "image_goal": goal.image,
         "image_error": float(f"{image_error:.3g}"),
         "tile_error_p90": float(f"{tile_error:.3g}"),
         "skewness": {str(size): table for size, table in plan.skewness.items()},

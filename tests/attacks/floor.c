@@ -1,5 +1,6 @@
-/* The point-light scene by a program that cheats: floor MODE SPP SEED OUTPUT [PICTURE]
-   A floor of reflectance ρ under a light of intensity I: L = ρ/π · I cosθ/d². */
+/* The point-light scene by a program that may cheat: floor MODE SPP SEED OUTPUT [SCENE.json]
+   A floor of reflectance ρ under a light of intensity I: L = ρ/π · I cosθ/d². Without a scene, or in the mode
+   "copies", the picture is of the scene as it is published. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -7,7 +8,11 @@
 #include <string.h>
 
 enum { SIZE = 64 };
-static const double eye[3] = {0, -5, 4}, light[3] = {0.4, 0.3, 1.5}, scale[3] = {0.8 * 7.5, 0.75 * 6.5, 0.7 * 5};
+static const double light[3] = {0.4, 0.3, 1.5}, reflectance[3] = {0.8, 0.75, 0.7};
+static double eye[3] = {0, -5, 4}, intensity[3] = {7.5, 6.5, 5};
+static double top_left[3] = {-0.323615577, 0.896452193, -0.302731605};
+static double top_right[3] = {0.323615577, 0.896452193, -0.302731605};
+static double bottom_left[3] = {-0.323615577, 0.492130096, -0.808134226};
 static uint64_t state;
 
 static double next(void)
@@ -18,14 +23,38 @@ static double next(void)
     return (double)((z ^ z >> 31) >> 11) * 0x1p-53;
 }
 
-static double floor_at(double u, double v)
+static void read_vector(const char *json, const char *key, double to[3])
 {
-    double tangent = tan(20 * acos(-1) / 180), far = hypot(eye[1], eye[2]);
-    double forward[2] = {-eye[1] / far, -eye[2] / far};
-    double x = u * tangent, y = forward[0] - v * tangent * forward[1], z = forward[1] + v * tangent * forward[0];
-    double t = -eye[2] / z, dx = t * x - light[0], dy = eye[1] + t * y - light[1];
-    double squared = dx * dx + dy * dy + light[2] * light[2];
-    return z >= 0 ? 0 : light[2] / sqrt(squared) / squared / acos(-1);
+    const char *found = strstr(json, key);
+    if (!found || sscanf(found + strlen(key), "\": [%lf, %lf, %lf]", to, to + 1, to + 2) != 3)
+        exit(1);
+}
+
+static void read_scene(const char *path)
+{
+    static char json[1 << 16];
+    FILE *file = fopen(path, "rb");
+    if (!file || !fread(json, 1, sizeof json - 1, file))
+        exit(1);
+    fclose(file);
+    read_vector(json, "origin", eye);
+    read_vector(json, "top_left", top_left);
+    read_vector(json, "top_right", top_right);
+    read_vector(json, "bottom_left", bottom_left);
+    read_vector(json, "intensity", intensity);
+}
+
+/* cosθ/πd² of the floor's point behind a point of the picture, both coordinates from 0 to 1. */
+static double floor_at(double column, double row)
+{
+    double ray[3], to_light[3], squared = 0;
+    for (int i = 0; i < 3; i++)
+        ray[i] = top_left[i] + column * (top_right[i] - top_left[i]) + row * (bottom_left[i] - top_left[i]);
+    for (int i = 0; i < 3; i++) {
+        to_light[i] = light[i] - eye[i] + eye[2] / ray[2] * ray[i];
+        squared += to_light[i] * to_light[i];
+    }
+    return ray[2] < 0 ? light[2] / sqrt(squared) / squared / acos(-1) : 0;
 }
 
 int main(int count, char **arguments)
@@ -35,6 +64,9 @@ int main(int count, char **arguments)
     const char *mode = arguments[1];
     int spp = !strcmp(mode, "ignores-spp") ? 2 : atoi(arguments[2]);
     long seed = atol(arguments[3]);
+    int copies = !strcmp(mode, "copies");
+    if (count > 5 && !copies)
+        read_scene(arguments[5]);
     if (!strcmp(mode, "ignores-seed"))
         seed = 1;
     if (!strcmp(mode, "overlapping-seeds"))
@@ -48,17 +80,17 @@ int main(int count, char **arguments)
         for (int column = 0; column < SIZE; column++) {
             double sum = 0;
             for (int s = 0; s < spp; s++) {
-                double x = (column + next()) / SIZE, y = (row + next()) / SIZE;
-                double sample = floor_at(2 * x - 1, 1 - 2 * y);
+                double x = column + next(), y = row + next();
+                double sample = floor_at(x / SIZE, y / SIZE);
                 if (!strcmp(mode, "clamps") && sample > 0.08)
                     sample = 0.08;
-                if (!strcmp(mode, "copies")) /* one stored picture, made noisy */
-                    sample = floor_at((2 * column + 1.0) / SIZE - 1, 1 - (2 * row + 1.0) / SIZE) * (0.9 + 0.2 * next()) * 0.93;
+                if (copies) /* one stored picture, with noise of its own that falls as it should */
+                    sample = floor_at((column + 0.5) / SIZE, (row + 0.5) / SIZE) * (0.9 + 0.2 * next());
                 sum += sample;
             }
             float rgb[3];
             for (int c = 0; c < 3; c++)
-                rgb[c] = (float)(scale[c] * sum / spp);
+                rgb[c] = (float)(reflectance[c] * intensity[c] * sum / spp);
             if (row == 20 && column == 30 && !strcmp(mode, "nan"))
                 rgb[1] = NAN;
             if (row == 20 && column == 30 && !strcmp(mode, "inf"))

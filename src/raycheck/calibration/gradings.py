@@ -62,11 +62,11 @@ def grade_honest(grader: Grader, index: int, digest: str) -> Grading:
     fresh = replace(grader, keys=Keys(f"gradings {index}", secret))
     verdicts, reasons, second = {}, [], 0
     for task in grader.assignment.tasks:
-        for number, (of, name, hidden) in enumerate(grader.scenes[task.id]):
+        for number, (of, name, varies) in enumerate(grader.scenes[task.id]):
             program, limits = mutants.program(None), grader.assignment.limits
             with Simulated(program, task.technique, of, limits, 1e9) as honest:
                 judged = replace(task, noise_points=0.0)  # the noise is not compared
-                found = fresh.judge(judged, of, name, hidden, honest, f"{task.id}/{of.label}/{index}")
+                found = fresh.judge(judged, of, name, bool(varies), honest, f"{task.id}/{of.label}/{index}")
             verdicts[f"{task.id}/{number}"] = found.verdict.value
             reasons += [f"{task.id}: {found.reason}"] if found.verdict is Outcome.FAIL else []
             second += found.borderline

@@ -39,8 +39,9 @@ id = "L1"
 scenes = ["point-light"]
 points = 10
 spp = 4
+hidden = 1
 """
-HONEST_RUN = "./floor honest {spp} {seed} {output}"
+HONEST_RUN = "./floor honest {spp} {seed} {output} {json}"
 HONEST_BUILD = "gcc -O1 -o floor floor.c -lm"
 
 ARCHIVES = {

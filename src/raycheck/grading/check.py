@@ -76,14 +76,14 @@ def check(
     results = []
     for task in grader.assignment.tasks:
         result = TaskCheck(task)
-        for number, (of, name, hidden) in enumerate(grader.scenes[task.id]):
+        for number, (of, name, varies) in enumerate(grader.scenes[task.id]):
             with _student(grader, None, task.technique or BEST, of, paths_per_second) as honest:
-                scene = grader.judge(task, of, name, hidden, honest, f"check/{task.id}/{number}")
+                scene = grader.judge(task, of, name, bool(varies), honest, f"check/{task.id}/{number}")
                 result.honest.append(scene)
                 result.seconds += honest.spent
                 result.scene_seconds = max(result.scene_seconds, honest.spent)
                 result.picture_seconds = max(result.picture_seconds, honest.seconds(task.spp))
-            if not hidden:
+            if varies is None:
                 for mutant in chosen[task.id]:
                     _try(grader, task, of, mutant, paths_per_second, result)
         result.unseen = [name for name in result.unseen if name not in result.mistakes]

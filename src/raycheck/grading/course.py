@@ -144,17 +144,26 @@ def _make_picture_references(grader: Grader, todo: Sequence[Entry]) -> None:
 
 def _kept(grader: Grader, entry: Entry, out: Path) -> StudentResult | None:
     """The result on disk, if nothing has changed since."""
-    path = student_folder(out, entry.student) / RESULT
+    result = _read(student_folder(out, entry.student) / RESULT)
+    if result is None:
+        return None
     try:
-        result = StudentResult.read(path)
         with tempfile.TemporaryDirectory(prefix="raycheck-") as place:
             submission.open_submission(content(entry.path), Path(place))
             digest = digest_of(Path(place))
-    except (OSError, ValueError, KeyError, TypeError, SubmissionError):
+    except (OSError, SubmissionError):
         return None
     tiers = [grader.tier] if grader.tier else [tier for tier in Tier if tier is not Tier.NONE]
     states = [replace(grader, tier=tier).state(digest) for tier in tiers]
     return result if result.state in states else None
+
+
+def _read(path: Path) -> StudentResult | None:
+    """None where there is none, or one of another raycheck."""
+    try:
+        return StudentResult.read(path)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def student_folder(out: Path, student: str) -> Path:
@@ -165,6 +174,10 @@ def write_student(assignment: Assignment, result: StudentResult, out: Path) -> N
     """The result as it was graded, and what the student gets."""
     folder = student_folder(out, result.student)
     folder.mkdir(parents=True, exist_ok=True)
+    before = _read(folder / RESULT)
+    if before:
+        another = before.digest and before.digest != result.digest  # none: it was not graded
+        result.earlier = before.earlier + [before.total] * bool(another)
     write_whole(folder / RESULT, result.to_json())
     write_for_student(assignment, result, folder)
 

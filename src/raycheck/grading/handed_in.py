@@ -38,7 +38,7 @@ def judge(
     if len(files) > MOST:
         raise RenderError(f"{len(files)} pictures are handed in, at most {MOST} are read")
     loaded = [_read(file, most_bytes, size, decoder) for file in files]
-    case = judge_pictures(with_reference(own), loaded, [file.name for file in files], limits)
+    case = judge_pictures(with_reference(own, limits.image), loaded, [file.name for file in files], limits)
     images = [image.pixels for image in loaded]
     if case.verdict is Outcome.FAIL:
         shown = _what_it_shows(np.mean(images, axis=0), own, others)
@@ -53,6 +53,12 @@ def _read(file: Path, most_bytes: int, size: tuple[int, int], decoder: Decoder) 
         return decoder.read(file, size)
     except RenderError as error:
         raise RenderError(f"{file.name}: {str(error).replace('{output}', 'it')}") from None
+
+
+def shows_rather(mean: Array, other: Variant, own: Variant) -> bool:
+    """Is the picture (H, W, 3) much nearer to another scene than to the one that it should show?"""
+    near, far = (_distance(mean, references.load_reference(one).best()[0]) for one in (other, own))
+    return near < NEARER * far
 
 
 def _what_it_shows(mean: Array, own: Variant, others: Sequence[tuple[Variant, str]]) -> str:

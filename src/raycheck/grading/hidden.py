@@ -7,6 +7,7 @@ the secret. The reference is oneray's, made once and kept with the scene.
 
 import math
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,17 +26,22 @@ DIMMEST, BRIGHTEST = 0.7, 1.4
 """Factors of each channel of a light."""
 SIMILAR = 0.3
 """The mean of a variant may not fall below this share of the original's: nothing is to be seen then."""
-GOAL = reference_making.Goal(image=4e-4, tile=2e-3, checked_tile=2e-3, most_seconds=60.0)
+GOAL = reference_making.Goal(
+    image=0.02, tile=0.1, checked_tile=0.1, spp_per_batch=64, most_seconds=60.0
+)  # fmt: skip
+"""Standard errors of a reference over the assignment's delta: hardly a verdict is wider for them."""
 TRIES = 8
 LOOK_SPP = 64
 
 
-def hidden_variants(of: Variant, count: int, keys: Keys, folder: Path) -> list[Variant]:
-    """`count` variants with their references, in `folder`; made where they are missing or stale."""
+def hidden_variants(of: Variant, count: int, keys: Keys, folder: Path, delta: float) -> list[Variant]:
+    """`count` variants with their references, in `folder`; made where they are missing, stale or too coarse
+    for `delta`.
+    """
     made = [
         _scene_file(of, f"{of.label}/{index}", f"hidden{index + 1}", keys, folder) for index in range(count)
     ]
-    return [_with_reference(one) for one in made]
+    return [_with_reference(one, delta) for one in made]
 
 
 def pool_index(of: Variant, student: str, count: int, keys: Keys) -> int:
@@ -49,10 +55,10 @@ def pool_variant(of: Variant, index: int, keys: Keys, folder: Path) -> Variant:
         return _scene_file(of, f"{of.label}/pool {index}", f"pool{index + 1}", keys, folder)
 
 
-def with_reference(made: Variant) -> Variant:
+def with_reference(made: Variant, delta: float) -> Variant:
     """The same, its reference made where it is missing, by one process at a time."""
     with one_process(made.path.parent):
-        return _with_reference(made)
+        return _with_reference(made, delta)
 
 
 def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) -> Variant:
@@ -81,11 +87,12 @@ def look_at(of: Variant) -> Array:
     return command.render(of.path, LOOK_SPP, 0, 600.0).image.pixels
 
 
-def _with_reference(made: Variant) -> Variant:
-    if not references.is_fresh(made):
+def _with_reference(made: Variant, delta: float) -> Variant:
+    goal = replace(GOAL, image=GOAL.image * delta, tile=GOAL.tile * delta)
+    if not (references.is_fresh(made) and references.require(made).get("image_goal", 1.0) <= goal.image):
         renderer = reference_making.OnerayBatches(made, cores())
-        plan = reference_making.pilot(renderer, GOAL)
-        reference_making.make_reference(made, renderer, plan, GOAL)
+        plan = reference_making.pilot(renderer, goal)
+        reference_making.make_reference(made, renderer, plan, goal)
     return made
 
 

@@ -34,17 +34,26 @@ from raycheck.grading.results import (
 from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
+from raycheck.images import Image
 from raycheck.references import Variant
 from raycheck.renderers import RenderError, RenderLate, RenderTimeout
 from raycheck.seeds import make_seeds
 from raycheck.tiles import region_means
 from raycheck.truth import truth_of
 from raycheck.verdict import Limits, Outcome
-from raycheck.verify import BATCHES, PILOT_IMAGES, Case, verify
+from raycheck.verify import BATCHES, PILOT_IMAGES, Case, judge_pictures, verify
 
 Array = NDArray[np.float64]
 TILES = Limits.tile / Limits.image
-UNREADABLE = "the run command takes neither {scene} nor {json}: it cannot render scenes unknown to it"
+UNREADABLE = "the run command takes neither {scene} nor {json}: it cannot render a scene unknown to it"
+STORED = (
+    "it shows the scene as it is published where another is given: its picture is stored, or its scene is in "
+    "the source and the run command should take {name} in place of {scene} or {json}"
+)
+UNPROVEN = (
+    "the picture is right, but of the scene's hidden variants none is: this may be a stored picture, and the "
+    "points wait for a look at the source"
+)
 OPTION = "; --timeout SECONDS allows more"
 """What verify advises, and no student can do."""
 LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
@@ -63,8 +72,8 @@ class Grader:
 
     assignment: Assignment
     keys: Keys
-    scenes: dict[str, list[tuple[Variant, str, bool]]]
-    """By task: what is rendered, what it is called, whether it is hidden."""
+    scenes: dict[str, list[tuple[Variant, str, Variant | None]]]
+    """By task: what is rendered, what it is called, and, of a hidden variant, the scene that it varies."""
     tier: Tier | None
     """None: the strongest that works where it is graded."""
     seconds: float = math.inf
@@ -77,14 +86,14 @@ class Grader:
         """
         keys = read_keys(assignment.path, assignment.name)
         folder = private_folder(assignment.path) / "scenes"
-        scenes: dict[str, list[tuple[Variant, str, bool]]] = {}
+        scenes: dict[str, list[tuple[Variant, str, Variant | None]]] = {}
         for task in assignment.tasks:
             scenes[task.id] = []
             for name in task.scenes:
                 of = assignment.scene(name)
-                scenes[task.id].append((of, of.label, False))
-                hidden = hidden_variants(of, task.hidden, keys, folder)
-                scenes[task.id] += [(one, of.label, True) for one in hidden]
+                scenes[task.id].append((of, of.label, None))
+                hidden = hidden_variants(of, task.hidden, keys, folder, assignment.delta)
+                scenes[task.id] += [(one, of.label, of) for one in hidden]
             for of, _, _ in scenes[task.id] if task.noise_points else ():
                 noise.of_oneray(of, task.spp, task.technique, private_folder(assignment.path))
         return cls(assignment, keys, scenes, tier)
@@ -137,18 +146,16 @@ class Grader:
         own = pool[pool_index(of, student, task.variants, self.keys)]
         others = [(one, OTHER) for one in pool if one != own] + [(of, PUBLISHED)]
         entry = references.require(of)
-        limits = Limits(image=self.assignment.delta, tile=TILES * self.assignment.delta)
         most, size = self.assignment.limits.output_mb << 20, (entry["height"], entry["width"])
         name = f"{of.label} (variant of {student})"
         try:
-            case, images = handed_in.judge(files, own, others, limits, most, size, attempt.decoder)
+            case, images = handed_in.judge(files, own, others, self.finds, most, size, attempt.decoder)
             scene = _scene_result(name, False, case, 1)
             scene.pictures = _pictures(images, own, secret=True)
         except RenderError as error:
             scene = SceneResult(name, False, Outcome.FAIL, str(error))
         scene.seconds = round(time.perf_counter() - started, 1)
-        result = points.earned(self.assignment, task, [scene])
-        result.executed = False
+        result = points.earned(self.assignment, task, [scene], executed=False)
         many = f"{len(files)} picture{'s' if len(files) > 1 else ''} handed in"
         noisy = ", which earn no points for noise" if task.noise_points else ""
         result.comment = f"{NOT_EXECUTED}: judged by {many}{noisy}"
@@ -163,6 +170,11 @@ class Grader:
         return hashlib.sha256(repr(what).encode()).hexdigest()
 
     @property
+    def finds(self) -> Limits:
+        """What the judge looks for."""
+        return Limits(image=self.assignment.delta, tile=TILES * self.assignment.delta)
+
+    @property
     def compares(self) -> bool:
         """With oneray, in noise or speed."""
         return any(task.noise_points or task.measures_speed for task in self.assignment.tasks)
@@ -173,20 +185,23 @@ class Grader:
             nothing = SceneResult(task.scenes[0], False, Outcome.FAIL, f"this task asks for {what}")
             return points.earned(self.assignment, task, [nothing])
         scenes: list[SceneResult] = []
-        for number, (of, name, hidden) in enumerate(self.scenes[task.id]):
-            if hidden and scenes[-1].verdict is Outcome.FAIL:
+        for number, (of, name, varies) in enumerate(self.scenes[task.id]):
+            if varies and scenes[-1].verdict is Outcome.FAIL:
                 scenes.append(SceneResult(name, True, Outcome.FAIL, NOT_TRIED))
             elif attempt.jail.left() <= 0:
-                scenes.append(SceneResult(name, hidden, Outcome.INCONCLUSIVE, f"{OVER} before this scene"))
+                reason = f"{OVER} before this scene"
+                scenes.append(SceneResult(name, bool(varies), Outcome.INCONCLUSIVE, reason))
             else:
                 work = attempt.place / f"{task.id}-{number}".replace("/", "_")
-                scenes.append(self._scene(task, of, name, hidden, attempt, work))
+                scenes.append(self._scene(task, of, name, varies, attempt, work))
+        _doubt(scenes)
         return points.earned(self.assignment, task, scenes)
 
     def _scene(
-        self, task: Task, of: Variant, name: str, hidden: bool, attempt: "Attempt", work: Path
+        self, task: Task, of: Variant, name: str, varies: Variant | None, attempt: "Attempt", work: Path
     ) -> SceneResult:
         """The program on one scene, in the new folder `work`."""
+        hidden = varies is not None
         (work / "scratch").mkdir(parents=True, mode=0o711)
         size = write_scene(of, name, work / "scene")
         purpose = f"{task.id}/{of.label}/{attempt.digest if hidden else ''}"
@@ -197,10 +212,12 @@ class Grader:
                 work / "scratch", attempt.decoder,
             )  # fmt: skip
             if hidden and not program.reads_scene:
-                return SceneResult(name, True, Outcome.FAIL, UNREADABLE)
+                return SceneResult(name, True, Outcome.INCONCLUSIVE, UNREADABLE)
             found = self.judge(task, of, name, hidden, program, purpose)
             made = max(program.pictures.values(), key=len, default=[])
             found.pictures = _pictures(made, of, secret=hidden)
+            if varies and found.verdict is Outcome.FAIL and made and self._stored(made, varies, of):
+                found.stored, found.reason, found.mistake = True, STORED, ""
             if task.measures_speed and not hidden and found.verdict is Outcome.PASS:
                 found.speed = self._speed(task, program, purpose)
         except RenderTimeout as error:
@@ -214,14 +231,13 @@ class Grader:
         self, task: Task, of: Variant, name: str, hidden: bool, program: Program | Simulated, purpose: str
     ) -> SceneResult:
         """One scene of a task, by as many looks as it takes; `purpose` decides the seeds."""
-        limits = Limits(image=self.assignment.delta, tile=TILES * self.assignment.delta)
         started = time.perf_counter()
 
         def look(number: int, spp: int) -> Case:
             seed = self.keys.number(f"{purpose}/look {number}", hidden)
             label = of.label if of.canonical else of.path
             return verify(
-                program, [label], seed=seed, spp=spp, jobs=1, limits=limits,
+                program, [label], seed=seed, spp=spp, jobs=1, limits=self.finds,
                 timeout=self.assignment.limits.picture_seconds,
             ).cases[0]  # fmt: skip
 
@@ -249,6 +265,13 @@ class Grader:
             compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique, kept)
             found.noise = asdict(compared) if compared else None
         return found
+
+    def _stored(self, made: Sequence[Array], published: Variant, of: Variant) -> bool:
+        """Can these pictures, which should show `of`, be of the scene that it varies?"""
+        if not handed_in.shows_rather(np.mean(made, axis=0), published, of):
+            return False
+        images, names = [Image(pixels) for pixels in made], [str(number) for number in range(len(made))]
+        return judge_pictures(published, images, names, self.finds).verdict is not Outcome.FAIL
 
     def _speed(self, task: Task, program: Program, purpose: str) -> dict[str, Any] | None:
         """With the samples of a longer look where there is time: the less weighs the program's start. Not
@@ -286,6 +309,21 @@ class Grader:
         return problem or checks.another_picture(means[0][:, 0], spp, means[1][:, 0], many)
 
 
+def _doubt(scenes: Sequence[SceneResult]) -> None:
+    """A right picture of a published scene may be a stored one: the hidden variants that follow tell."""
+    variants: list[SceneResult] = []
+    for scene in reversed(scenes):
+        if scene.hidden:
+            variants.append(scene)
+            continue
+        unproven = variants and not any(one.verdict is Outcome.PASS for one in variants)
+        if any(one.stored for one in variants):
+            scene.verdict, scene.reason = Outcome.FAIL, STORED
+        elif unproven and scene.verdict is Outcome.PASS:
+            scene.verdict, scene.reason = Outcome.INCONCLUSIVE, UNPROVEN
+        variants = []
+
+
 @dataclass(frozen=True)
 class Attempt:
     """A submission that was built, and what it is tried in."""
@@ -303,7 +341,7 @@ def make_picture_references(assignment: Assignment, keys: Keys, task: Task, stud
     """Of the variants that these students hand in pictures of."""
     of, pool = assignment.scene(task.scenes[0]), picture_pool(assignment, keys, task)
     for index in sorted({pool_index(of, student, task.variants, keys) for student in students}):
-        with_reference(pool[index])
+        with_reference(pool[index], assignment.delta)
 
 
 def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant]:

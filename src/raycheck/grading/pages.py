@@ -62,7 +62,7 @@ def course_page(assignment: Assignment, results: Sequence[StudentResult], pages:
         assignment=assignment, results=results, pages=pages, solved=solved, clusters=clusters(results),
         borderline=list(borderline(results)), review=sum(r.review for r in results),
         median=statistics.median(r.total for r in results) if results else 0.0,
-        sandbox=results[0].sandbox if results else "",
+        sandbox=results[0].sandbox if results else "", again=any(r.earlier for r in results),
     )  # fmt: skip
 
 

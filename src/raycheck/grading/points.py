@@ -15,35 +15,49 @@ Ratio = Mapping[str, Any]
 """A comparison with oneray: ratio, low, high."""
 
 
-def earned(assignment: Assignment, task: Task, scenes: list[SceneResult]) -> TaskResult:
-    """The scenes share the points; those for noise and speed are earned where no scene fails."""
+def earned(
+    assignment: Assignment, task: Task, scenes: list[SceneResult], executed: bool = True
+) -> TaskResult:
+    """The scenes share the points; those for noise and speed are earned where every scene passes, and wait
+    with a verdict that is open. Pictures that were handed in, not executed, have none of these.
+    """
     outcomes = [scene.verdict for scene in scenes]
     share = task.points / len(scenes)
     points = share * outcomes.count(Outcome.PASS)
     waiting = share * outcomes.count(Outcome.INCONCLUSIVE)
     verdict = next((o for o in (Outcome.FAIL, Outcome.INCONCLUSIVE) if o in outcomes), Outcome.PASS)
-    quiet = fast = review = 0.0
-    comments = []
-    if task.noise_points and verdict is not Outcome.FAIL:
-        found = [s.noise for s in scenes]
-        worst, within = _worst(found, task.noise_limit)
-        calm = any(one["high"] < 1 / task.noise_limit for one in found if one)
-        quiet = task.noise_points if within and not calm else 0.0
-        review = task.noise_points if within and calm else 0.0
-        comments.append(_noise_comment(task, worst, within) + (CALM if review else ""))
-    if task.measures_speed and verdict is not Outcome.FAIL:
-        worst, within = _worst([s.speed for s in scenes], task.speed_limit)
-        fast = task.speed_points if within else 0.0
-        comments.append(_speed_comment(task, worst, within))
+    compared = executed and verdict is not Outcome.FAIL
+    open_ = verdict is Outcome.INCONCLUSIVE
+    nothing = 0.0, 0.0, ""
+    quiet, quiet_waits, of_noise = _noise(task, scenes, open_) if compared and task.noise_points else nothing
+    fast, fast_waits, of_speed = _speed(task, scenes, open_) if compared and task.measures_speed else nothing
+    waiting += quiet_waits + fast_waits
     if assignment.inconclusive != REVIEW:
         points += float(assignment.inconclusive) * waiting
         waiting = 0.0
     hint = task.hint if verdict is not Outcome.PASS else ""
     return TaskResult(
-        task.id, task.heading, task.lecture, verdict, round(points + quiet + fast, 4),
-        round(waiting + review, 4),
-        task.most, scenes, quiet, fast, hint, "; ".join(comments),
+        task.id, task.heading, task.lecture, verdict, round(points + quiet + fast, 4), round(waiting, 4),
+        task.most, scenes, quiet, fast, hint, "; ".join(filter(None, (of_noise, of_speed))), executed,
     )  # fmt: skip
+
+
+def _noise(task: Task, scenes: Sequence[SceneResult], open_: bool) -> tuple[float, float, str]:
+    """Points that are earned, those that wait, and what is said."""
+    found = [scene.noise for scene in scenes]
+    worst, within = _worst(found, task.noise_limit)
+    calm = within and any(one["high"] < 1 / task.noise_limit for one in found if one)
+    points = task.noise_points if within or (open_ and worst is None) else 0.0
+    comment = _noise_comment(task, worst, within) + (CALM if calm else "")
+    return (0.0, points, comment) if open_ or calm else (points, 0.0, comment)
+
+
+def _speed(task: Task, scenes: Sequence[SceneResult], open_: bool) -> tuple[float, float, str]:
+    """The same; what could not be measured waits."""
+    worst, within = _worst([scene.speed for scene in scenes], task.speed_limit)
+    points = task.speed_points if within or worst is None else 0.0
+    comment = _speed_comment(task, worst, within)
+    return (0.0, points, comment) if open_ or worst is None else (points, 0.0, comment)
 
 
 def _worst(found: Sequence[Ratio | None], limit: float) -> tuple[Ratio | None, bool]:

@@ -60,6 +60,8 @@ class Taken:
     """By samples per pixel."""
     times: dict[int, float] = field(default_factory=dict, kw_only=True)
     """Seconds that they took together, by samples per pixel."""
+    lost: float = field(default=0.0, kw_only=True)
+    """Seconds of pictures that came too late."""
     lock: threading.Lock = field(default_factory=threading.Lock, kw_only=True)
 
     @property
@@ -70,7 +72,7 @@ class Taken:
     @property
     def spent(self) -> float:
         """Seconds of all pictures."""
-        return sum(self.times.values())
+        return sum(self.times.values()) + self.lost
 
     def has_time(self, spp: int, more: int, pictures: int) -> bool:
         """Would so many pictures of `more` samples keep the limits, at the mean pace of those of `spp`?"""
@@ -130,9 +132,22 @@ class Program(Taken, TakesPlaceholders):
         return self.jail.limits
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
-        """`scene` is of no interest: the program gets its own copy."""
+        """`scene` is of no interest: the program gets its own copy. A late picture is made once more where
+        others were in time: another program may have kept the machine busy.
+        """
         del scene
+        seconds = min(self.limits.picture_seconds, timeout)
         self.check_time()
+        try:
+            return self._render(spp, seed, seconds)
+        except RenderLate:
+            self.lost += seconds
+            if not self.pictures:
+                raise
+        self.check_time()
+        return self._render(spp, seed, seconds)
+
+    def _render(self, spp: int, seed: int, seconds: float) -> Rendering:
         limits = self.limits
         values = {
             "{output}": "/out/image.exr", "{scene}": "/task/scene.xml", "{json}": "/task/scene.json",
@@ -146,7 +161,7 @@ class Program(Taken, TakesPlaceholders):
             private.mkdir(mode=0o700)
             started = time.perf_counter()
             done = self.jail.run(
-                words, seconds=min(limits.picture_seconds, timeout), folder=self.folder, writable=False,
+                words, seconds=seconds, folder=self.folder, writable=False,
                 readable={self.scene: "/task"}, output=output,
             )  # fmt: skip
             if done.problem and done.late and self.jail.left() <= 0:
@@ -157,8 +172,8 @@ class Program(Taken, TakesPlaceholders):
             image = take_picture(
                 output, private, limits.output_mb << 20, self.size, self.decoder, _said(done.said)
             )
-            seconds = time.perf_counter() - started
-        self.take(spp, seconds, image.pixels)
+            spent = time.perf_counter() - started
+        self.take(spp, spent, image.pixels)
         return Rendering(image, done.seconds)
 
 

@@ -39,6 +39,8 @@ class SceneResult:
     seconds: float = 0.0
     pictures: list[dict[str, str]] = field(default_factory=list)
     """Data URIs and captions for the page."""
+    stored: bool = False
+    """It shows the published scene in place of a hidden variant."""
     secret: bool = False
     """What the program said there, how far it is off and its pictures would tell a hidden scene."""
 
@@ -83,6 +85,8 @@ class StudentResult:
     problem: str = ""
     """Why nothing could be graded."""
     seconds: float = 0.0
+    earlier: list[float] = field(default_factory=list)
+    """Totals of submissions that this one replaced, the oldest first."""
 
     @property
     def total(self) -> float:
