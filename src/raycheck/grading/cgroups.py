@@ -48,7 +48,7 @@ class Group:
     def __enter__(self) -> "Group":
         with contextlib.ExitStack() as made:
             for folder, place in self.folders.items():
-                folder.mkdir()
+                folder.mkdir(exist_ok=True)  # left by another process that had this id
                 made.callback(_remove, folder)
                 for name, value in self._limits(folder, place):
                     (folder / name).write_text(str(value))

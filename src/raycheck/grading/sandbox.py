@@ -121,7 +121,12 @@ class Jail:
             if place is not None and self.user is not None and (writable or place is output):
                 _give(place, self.user)
         jailed = self._wrapped if self.tier is Tier.BUBBLEWRAP else self._confined
-        with Group(cgroups.places(), limits.memory_mb << 20, limits.processes + OWN_PROCESSES) as group:
+        group = Group(cgroups.places(), limits.memory_mb << 20, limits.processes + OWN_PROCESSES)
+        with contextlib.ExitStack() as made:
+            try:
+                made.enter_context(group)
+            except OSError as error:
+                raise NotFound(f"the sandbox {self.tier} cannot be made: control group: {error}") from None
             return jailed(command, replace(bounds, group=group))
 
     def _wrapped(self, command: "Command", bounds: Bounds) -> Finished:
