@@ -19,7 +19,7 @@ CFLAGS  ?= -O2 -g
 WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror
 # expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
 PACKAGES := expat OpenEXR libpng
-ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
+ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
 # A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512; with
@@ -46,9 +46,10 @@ KERNEL_LIST := $(KERNEL_LIST:%:special=%)
 endif
 
 part = $(word $(2),$(subst :, ,$(1)))
-SOURCES := $(wildcard src/oneray/*.c)
-HEADERS := $(wildcard src/oneray/*.h)
-PLAIN_OBJECTS := $(patsubst src/oneray/%.c,$(BUILD)/%.o,$(filter-out src/oneray/kernel.c src/oneray/instances.c,$(SOURCES)))
+SOURCES := $(wildcard src/oneray/*.c src/oneray/*/*.c)
+HEADERS := $(wildcard src/oneray/*.h src/oneray/*/*.h)
+vpath %.c $(sort $(dir $(SOURCES)))
+PLAIN_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(filter-out kernel.c instances.c,$(notdir $(SOURCES))))
 name_of = $(call part,$(1),1)_$(call part,$(1),2)
 KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)).o \
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
@@ -66,12 +67,12 @@ $(BUILD)/.settings: FORCE | $(BUILD)
 	@echo '$(SETTINGS)' | cmp -s - $@ || echo '$(SETTINGS)' > $@
 FORCE:
 
-$(BUILD)/%.o: src/oneray/%.c $(HEADERS) Makefile $(BUILD)/.settings | $(BUILD)
+$(BUILD)/%.o: %.c $(HEADERS) Makefile $(BUILD)/.settings | $(BUILD)
 	$(CC) $(ALL_CFLAGS) $(PKG_CFLAGS) -D'KERNELS(X)=$(KERNEL_TABLE)' -c $< -o $@
 
 # -g1: lines, but no variables, whose tracking takes a sixth of the build.
 define kernel_rule
-$$(BUILD)/%_$(call name_of,$(1)).o: src/oneray/%.c $$(HEADERS) Makefile $$(BUILD)/.settings | $$(BUILD)
+$$(BUILD)/%_$(call name_of,$(1)).o: src/oneray/kernel/%.c $$(HEADERS) Makefile $$(BUILD)/.settings | $$(BUILD)
 	$$(CC) $$(ALL_CFLAGS) $$(if $$(findstring -g,$$(CFLAGS)),-g1) $$(FLAGS_$(call part,$(1),3)) \
 	    $(if $(filter single:%,$(1)),-DSINGLE) -DLANES=$(call part,$(1),2) -DKERNEL=kernel_$(call name_of,$(1)) \
 	    $(if $(call part,$(1),4),-DINSTANCES=instances_$(call name_of,$(1))) \
@@ -94,9 +95,9 @@ FUZZ_SECONDS ?= 3600
 FUZZERS := $(foreach f,scene ply obj,$(BUILD)/fuzz/$(f))
 FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
     -Isrc/oneray -include tests/fuzz/harness.h
-FUZZ_MESH := harness message mesh mesh_ply mesh_obj
-FUZZ_SCENE := $(FUZZ_MESH) scene_xml scene_values scene_build precision bounds
-vpath %.c src/oneray tests/fuzz
+FUZZ_MESH := harness message mesh ply obj
+FUZZ_SCENE := $(FUZZ_MESH) xml values build precision bounds
+vpath %.c tests/fuzz
 
 $(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile
 	@mkdir -p $(@D)

@@ -1,7 +1,7 @@
 /* The header functions over arrays, for tests/test_sampling.py and test_materials.py. Each entry takes n
    columns of numbers, in[row * n + i], and gives as many, out[row * n + i]; LANES of them go at a time. */
-#include "light_trace.h"
-#include "prepare.h"
+#include "estimators/light.h"
+#include "prepare/prepare.h"
 
 typedef struct {
     const double *in;
@@ -166,10 +166,10 @@ void scene_close(void *scene, void *description)
     release(scene);
     description_free(description);
 }
-extern int light_count(const void *scene);
-int light_count(const void *scene) { return ((const Scene *)scene)->lights.count; }
+extern int emitter_count(const void *scene);
+int emitter_count(const void *scene) { return ((const Scene *)scene)->emitters.count; }
 extern int light_slot(const void *scene, int light);
-int light_slot(const void *scene, int light) { return (int)((const Scene *)scene)->lights.slot[light]; }
+int light_slot(const void *scene, int light) { return (int)((const Scene *)scene)->emitters.slot[light]; }
 
 /* As if a lesson had been taken in this box (low x y z, high x y z): of 60 rays to each node, any number were
    seen to arrive. */
@@ -177,7 +177,7 @@ extern void learn_anything(void *scene, const double box[6], uint32_t seed);
 void learn_anything(void *prepared, const double box[6], uint32_t seed)
 {
     Scene *scene = prepared;
-    LightTree *tree = &scene->lights.tree;
+    LightTree *tree = &scene->emitters.tree;
     Lesson lesson;
     memset(&lesson, 0, sizeof lesson);
     store(lesson.low, box);
@@ -228,7 +228,7 @@ OVER_COLUMNS(light_sample)
     Receiver at = get_receiver(b);
     Index i = get_index(b, 7);
     LightSample s =
-        sample_light_point(&scene->lights, i, real(1), &at, get(b, 8), get(b, 9), scene->features);
+        sample_light_point(&scene->emitters, i, real(1), &at, get(b, 8), get(b, 9), scene->features);
     put_vec(b, 0, s.wi);
     put(b, 3, s.distance);
     put_vec(b, 4, s.weight);
@@ -246,14 +246,14 @@ OVER_COLUMNS(light_hit)
     Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
     Mask front;
     Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
-    Vec emission = vec_gather((const Num(*)[3])scene->lights.slot_emission, s.of);
+    Vec emission = vec_gather((const Num(*)[3])scene->emitters.slot_emission, s.of);
     Mask shines = front & (hit.slot >= 0) & (vec_max(emission) > real(0));
-    Index i = gather_index(scene->lights.slot_light, s.of);
+    Index i = gather_index(scene->emitters.slot_light, s.of);
     i = index_select(shines, i + index_select(s.slot == s.of, index_of(0), s.slot), index_of(0));
     put_index(b, 0, index_select(shines, i, index_of(-1)));
     put(b, 1, hit.t);
     put(b, 2, s.cos_face);
-    put(b, 3, inverse_pdf_w_hit(&scene->lights, i, &at, hit.t, s.cos_face, f));
+    put(b, 3, inverse_pdf_w_hit(&scene->emitters, i, &at, hit.t, s.cos_face, f));
 }
 
 /* A receiver and (u, v) to the light chosen and 1/p_i; a receiver and a light to its 1/p_i. */
@@ -261,13 +261,13 @@ OVER_COLUMNS(choose)
 {
     Receiver at = get_receiver(b);
     Real inverse;
-    put_index(b, 0, choose_light(&scene->lights, &at, get(b, 7), get(b, 8), &inverse, scene->features));
+    put_index(b, 0, choose_light(&scene->emitters, &at, get(b, 7), get(b, 8), &inverse, scene->features));
     put(b, 1, inverse);
 }
 OVER_COLUMNS(choice_of)
 {
     Receiver at = get_receiver(b);
-    put(b, 0, inverse_choice_of(&scene->lights, &at, get_index(b, 7), scene->features));
+    put(b, 0, inverse_choice_of(&scene->emitters, &at, get_index(b, 7), scene->features));
 }
 
 /* ---- L17: the number of a path to its first ray and flux (o, d, from, flux). */

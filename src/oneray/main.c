@@ -1,12 +1,12 @@
 /* oneray: a path tracer that has every technique of the lecture "Probability Theory", each selectable. */
-#include "film.h"
+#include "film/film.h"
 #include "message.h"
 #include "options.h"
-#include "output.h"
-#include "picture.h"
-#include "precision.h"
+#include "film/output.h"
+#include "film/picture.h"
+#include "scene/precision.h"
 #include "render.h"
-#include "stats.h"
+#include "film/stats.h"
 
 #include <inttypes.h>
 #include <stdio.h>

@@ -1,8 +1,8 @@
 #include "options.h"
 
-#include "kernel.h"
+#include "kernel/kernel.h"
 #include "message.h"
-#include "picture.h"
+#include "film/picture.h"
 #include "version.h"
 
 #include <ctype.h>
@@ -406,13 +406,13 @@ void options_check(const Options *options, const Description *scene)
     const uint64_t *crop = options->crop, width = (uint64_t)sensor->width, height = (uint64_t)sensor->height;
     if (crop[2] > width || crop[0] > width - crop[2] || crop[3] > height || crop[1] > height - crop[3])
         die("--crop: the image has %d x %d pixels", sensor->width, sensor->height);
-    static const char *const kinds[LIGHT_KINDS] = {"area", "point", "spot", "directional", "constant"};
-    for (int i = 0; i < scene->light_count; i++) {
-        const Light *light = &scene->lights[i];
-        if (!light_has_power(light))
+    static const char *const kinds[EMITTER_KINDS] = {"area", "point", "spot", "directional", "constant"};
+    for (int i = 0; i < scene->emitter_count; i++) {
+        const Emitter *light = &scene->emitters[i];
+        if (!emitter_has_power(light))
             warn("%s:%d: this light has no power and is left out", options->scene, light->line);
-        if (options->technique.estimator == ESTIMATOR_WALK && light->kind != LIGHT_AREA
-            && light->kind != LIGHT_CONSTANT)
+        if (options->technique.estimator == ESTIMATOR_WALK && light->kind != EMITTER_AREA
+            && light->kind != EMITTER_CONSTANT)
             die_at(options->scene, light->line,
                 "--estimator walk: no random ray hits a %s light, its light would be "
                 "missing; use nee or mis",

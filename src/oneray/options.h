@@ -2,8 +2,8 @@
 #ifndef ONERAY_OPTIONS_H
 #define ONERAY_OPTIONS_H
 
-#include "description.h"
-#include "kernel.h"
+#include "scene/description.h"
+#include "kernel/kernel.h"
 #include "technique.h"
 
 #include <stdbool.h>

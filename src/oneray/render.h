@@ -2,8 +2,8 @@
 #ifndef ONERAY_RENDER_H
 #define ONERAY_RENDER_H
 
-#include "film.h"
-#include "kernel.h"
+#include "film/film.h"
+#include "kernel/kernel.h"
 #include "options.h"
 
 double seconds_now(void); /* a clock that only goes forward */

@@ -1,5 +1,5 @@
 /* Mesh files, PLY or OBJ as READ says: read and brought to the world, as they are and turned over. */
-#include "mesh.h"
+#include "meshes/mesh.h"
 
 #include "message.h"
 

@@ -1,6 +1,6 @@
 /* Scene files: read, and asked for their precision. */
-#include "description.h"
-#include "precision.h"
+#include "scene/description.h"
+#include "scene/precision.h"
 
 static void read_scene(const uint8_t *bytes, size_t size)
 {

@@ -1,10 +1,10 @@
 /* oneray for many seeds in one process: the options of oneray, then on standard input lines "spp seed", and on
    standard output an image for each, width · height · 3 floats, row by row from the top. Calibration renders
    hundreds of thousands of small images, and starting a process for each takes longer than most of them. */
-#include "film.h"
+#include "film/film.h"
 #include "message.h"
 #include "options.h"
-#include "precision.h"
+#include "scene/precision.h"
 #include "render.h"
 
 #include <inttypes.h>

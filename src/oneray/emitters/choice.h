@@ -1,0 +1,157 @@
+/* L4, L6, L18 One of N lights: light i with probability p_i, its contribution divided by p_i. Any p_i is valid
+   as long as they sum to 1 and none is 0 whose light contributes. */
+#ifndef ONERAY_EMITTERS_CHOICE_H
+#define ONERAY_EMITTERS_CHOICE_H
+
+#include "emitters/emitter.h"
+
+#ifdef SINGLE
+#define NEAREST 1e-30 /* (m²) a light at the very point */
+#else
+#define NEAREST 1e-240
+#endif
+#define SPREAD (1 / 6.0)  /* of its ball's r²: how far a node's lights are from its center, squared */
+#define DOUBTFUL 0.3      /* share of the best conceivable cosine, where the center's is smaller */
+
+/* What the lights below a node contribute, roughly: E ≈ Φ/π cosθi cosθo / d², from the node's center, or where
+   that is less a share of the best that the node's ball and cone allow. It is 0 only where both facts are
+   certain: below the receiver's horizon, or behind every normal. After Conty Estévez & Kulla, Importance
+   Sampling of Many Lights with Adaptive Tree Splitting, HPG 2018, who take the best itself: near a node the
+   true contributions are far below it. `count` gets the number of those lights. */
+STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at, Real *count)
+{
+    const Num *first = tree->nodes;
+    Index row = node * NODE_NUMBERS;
+    Real of[NODE_NUMBERS];
+    gather_four(first, row, of);
+    gather_four(first + 4, row, of + 4);
+    gather_four(first + 8, row, of + 8);
+    gather_four(first + 12, row, of + 12);
+    Vec to_center = vec_sub(vec(of[NODE_CENTER], of[NODE_CENTER + 1], of[NODE_CENTER + 2]), at->p);
+    Vec axis = vec(of[NODE_AXIS], of[NODE_AXIS + 1], of[NODE_AXIS + 2]);
+    Real radius = of[NODE_RADIUS], cone = of[NODE_COS], sine = of[NODE_SIN];
+    Real dd = vec_dot(to_center, to_center), along = -vec_dot(axis, to_center); /* d cosθ: to the cone's axis */
+    Real across = real_sqrt(real_max(dd - along * along, real(0)));
+    Mask within = along * sine > across * cone;
+    Real d_cos_i = vec_dot(at->n, to_center);
+    Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
+    d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
+    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + of[NODE_SLACK], real(0)));
+    Real nearness = real(1) / real_max(dd + real(SPREAD) * radius * radius, real(NEAREST));
+    *count = of[NODE_COUNT];
+    return of[NODE_FAR] + of[NODE_POWER] * (d_cos_i * nearness) * (d_cos_o * nearness);
+}
+
+/* L18 The region of space that a point lies in. */
+INLINE Index region_of(const LightTree *tree, Vec p)
+{
+    const Real position[3] = {p.x, p.y, p.z};
+    Index region = index_of(0);
+    for (int axis = 0; axis < 3; axis++) {
+        Real cell = (position[axis] - real(tree->low[axis])) * real(tree->scale[axis]);
+        cell = real_max(real_min(cell, real((double)tree->size[axis] - 0.5)), real(0));
+        region = region * tree->size[axis] + real_floor(cell);
+    }
+    return region;
+}
+
+/* L18 What was learned of a node: how often a light below it was seen from this region. */
+INLINE Real learned_visibility(const LightTree *tree, Index region, Index node)
+{
+    Mask known = node < index_of(LEARNED_NODES);
+    Index at = region * LEARNED_NODES + index_select(known, node, index_of(0));
+    return select(known, gather(tree->visible, at), real(1));
+}
+
+/* L6 Down the tree to one light, by the children's importance or, with uniform_share, by their counts, either
+   way never into a child of importance 0: p_i = (1 - share) p_contribution + share p_count. `trail`, where a
+   lane follows it, says which light to go to: what is wanted is then its probability. Returns 1/p_i. */
+STAGE Real walk_tree(
+    const LightTree *tree, const Receiver *at, Mask follow, Index trail, Real u, Real v, Index *light, Features f)
+{
+    Real share = real(tree->uniform_share), p_count = real(1), p_contribution = real(1);
+    Mask by_count = u < share;
+    u = select(by_count, u / share, (u - share) / (real(1) - share));
+    Index node = index_of(0), child = index_of(tree->child[0]), region = index_of(0);
+    if (f & USE_LEARNED)
+        region = region_of(tree, at->p);
+    for (Mask inner = child >= 0; any(inner); inner = child >= 0) {
+        Index first = index_select(inner, child, index_of(1));
+        Real count_a, count_b;
+        Real a = node_importance(tree, first, at, &count_a), b = node_importance(tree, first + 1, at, &count_b);
+        if ((f & USE_LEARNED) && tree->visible) {
+            a = a * learned_visibility(tree, region, first);
+            b = b * learned_visibility(tree, region, first + 1);
+        }
+        Mask none = a + b <= real(0); /* nothing to gain below: any choice is valid */
+        count_a = only((a > real(0)) | none, count_a);
+        count_b = only((b > real(0)) | none, count_b);
+        Real by_contribution = select(none, real(0.5), a / (a + b)), counted = count_a / (count_a + count_b);
+        Real p = select(by_count, counted, by_contribution);
+        Mask second = index_select(follow, (trail & 1) != 0, (u >= p) & (p < real(1)));
+        u = select(second, (u - p) / (real(1) - p), u / p);
+        p_contribution = select(inner, p_contribution * select(second, real(1) - by_contribution, by_contribution),
+            p_contribution);
+        p_count = select(inner, p_count * select(second, real(1) - counted, counted), p_count);
+        node = index_select(inner, first + index_select(second, index_of(1), index_of(0)), node);
+        child = index_select(inner, gather_index(tree->child, node), child);
+        trail = trail >> 1;
+        Real other = u;
+        u = v;
+        v = other;
+    }
+    *light = -1 - child;
+    return real(1) / ((real(1) - share) * p_contribution + share * p_count);
+}
+
+/* L4 The choice: uniform and by power from an alias table (Vose 1991), whatever N is; by contribution from the
+   tree. Sets 1/p_i. */
+INLINE Index choose_light(
+    const Emitters *emitters, const Receiver *at, Real u, Real v, Real *inverse_choice, Features f)
+{
+    *inverse_choice = real(1);
+    if (!(f & HAS_MANY_LIGHTS))
+        return index_of(0);
+    if (f & USE_CONTRIBUTION) {
+        Index light;
+        *inverse_choice = walk_tree(&emitters->tree, at, mask_none(), index_of(0), u, v, &light, f);
+        return light;
+    }
+    Index i = real_floor(u * real(emitters->count));
+    i = index_select(v < gather(emitters->alias_share, i), i, gather_index(emitters->alias, i));
+    *inverse_choice = gather(emitters->inverse_choice, i);
+    return i;
+}
+
+/* 1/p_i of a light that was hit: what choose_light would have said. */
+STAGE Real inverse_choice_of(const Emitters *emitters, const Receiver *at, Index i, Features f)
+{
+    if (!(f & HAS_MANY_LIGHTS))
+        return real(1);
+    if (!(f & USE_CONTRIBUTION))
+        return gather(emitters->inverse_choice, i);
+    Index light;
+    return walk_tree(&emitters->tree, at, mask_all(), gather_index(emitters->tree.trail, i), real(0.5), real(0.5),
+        &light, f);
+}
+
+/* One ray to one light. */
+INLINE LightSample sample_light(
+    const Emitters *emitters, const Receiver *at, const Real choice[2], const Real point[2], Features f)
+{
+    Real inverse_choice;
+    Index i = choose_light(emitters, at, choice[0], choice[1], &inverse_choice, f);
+    return sample_light_point(emitters, i, inverse_choice, at, point[0], point[1], f);
+}
+
+/* L13 Multiple importance sampling: the weight of a direction that was sampled by way of the light, given the
+   ratio of the two densities, w_light = p_light^β / (p_light^β + p_bounce^β), β = 1 balance, β = 2 power. The
+   same direction sampled by the bounce gets 1 - w_light: the two always sum to 1. Veach, Robust Monte Carlo
+   Methods, 1997, 9.2. */
+INLINE Real mis_weight_light(Real bounce_over_light, Features f)
+{
+    Real x = f & USE_BALANCE ? bounce_over_light : bounce_over_light * bounce_over_light;
+    return real(1) / (real(1) + x);
+}
+
+#endif

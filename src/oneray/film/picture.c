@@ -1,0 +1,97 @@
+#include "film/picture.h"
+
+#include "message.h"
+#include "film/output.h"
+
+#include <float.h>
+#include <math.h>
+#include <png.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+static bool ends_with(const char *file, const char *extension)
+{
+    const char *dot = strrchr(file, '.');
+    return dot && !strcasecmp(dot, extension);
+}
+
+void picture_check_name(const char *file, double exposure)
+{
+    if (!ends_with(file, ".exr") && !ends_with(file, ".pfm") && !ends_with(file, ".png"))
+        die("%s: the name of a picture ends with .exr, .pfm or .png", file);
+    if (exposure != 0 && !ends_with(file, ".png"))
+        die("--exposure is of a .png: %s holds the radiance as it is", file);
+}
+
+/* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
+   points balance each other, so that it takes other seeds to know. The identity names the sampler. */
+bool film_has_error(const Film *film)
+{
+    return film_samples(film) > 1 && !strstr(film->identity, " --sampler sobol ");
+}
+
+/* "PF", size, the sign of the scale for the order of bytes, then rows from the bottom up. Debevec, PFM. */
+static void write_pfm(const Picture *picture, FILE *stream)
+{
+    const uint16_t one = 1;
+    size_t row = 3 * (size_t)picture->window.width;
+    fprintf(stream, "PF\n%d %d\n%s\n", picture->window.width, picture->window.height,
+        *(const unsigned char *)&one ? "-1.0" : "1.0");
+    for (int y = picture->window.height - 1; y >= 0; y--)
+        fwrite(picture->mean + (size_t)y * row, sizeof(float), row, stream);
+}
+
+/* IEC 61966-2-1, as a byte. */
+static png_byte srgb(double linear)
+{
+    double value = linear <= 0.0031308 ? 12.92 * linear : 1.055 * pow(linear, 1 / 2.4) - 0.055;
+    return (png_byte)(255 * fmin(value, 1) + 0.5);
+}
+
+static void write_png(const Picture *picture, double exposure, const char *file, FILE *stream)
+{
+    size_t numbers = 3 * (size_t)picture->window.width * (size_t)picture->window.height;
+    png_bytep bytes = allocate(numbers, sizeof *bytes);
+    png_image image = {.version = PNG_IMAGE_VERSION, .format = PNG_FORMAT_RGB,
+        .width = (png_uint_32)picture->window.width, .height = (png_uint_32)picture->window.height};
+    for (size_t i = 0; i < numbers; i++)
+        bytes[i] = srgb((double)picture->mean[i] * exp2(exposure));
+    if (!png_image_write_to_stdio(&image, stream, 0, bytes, 0, NULL))
+        die("%s: cannot be written: %s", file, image.message);
+    free(bytes);
+}
+
+static void check_range(const Window *window, const float *mean, const float *error, const char *file)
+{
+    size_t width = (size_t)window->width, numbers = 3 * width * (size_t)window->height;
+    for (size_t i = 0; i < numbers; i++)
+        if (!(mean[i] <= FLT_MAX && error[i] <= FLT_MAX))
+            die("%s: pixel (%zu, %zu): the radiance is beyond %g, the largest float of a picture", file,
+                i / 3 % width + (size_t)window->x, i / 3 / width + (size_t)window->y, (double)FLT_MAX);
+}
+
+void picture_write(
+    const Film *film, double render_seconds, const char *kernel, double exposure, const char *file)
+{
+    size_t numbers = 3 * film_pixels(film);
+    float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
+    film_estimate(film, mean, error);
+    check_range(&film->window, mean, film_has_error(film) ? error : mean, file);
+    Picture picture = {film->window, mean, film_has_error(film) ? error : NULL, film_samples(film),
+        render_seconds, film->identity, kernel};
+    if (ends_with(file, ".exr")) {
+        exr_write(&picture, file);
+    } else {
+        char temporary[OUTPUT_NAME];
+        FILE *stream = output_open(file, temporary);
+        if (ends_with(file, ".pfm"))
+            write_pfm(&picture, stream);
+        else
+            write_png(&picture, exposure, file, stream);
+        output_close(stream, file, temporary);
+    }
+    free(mean);
+    free(error);
+}

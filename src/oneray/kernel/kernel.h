@@ -1,0 +1,59 @@
+/* A kernel: the tracer compiled for one precision and one number of lanes. What main knows of it. */
+#ifndef ONERAY_KERNEL_KERNEL_H
+#define ONERAY_KERNEL_KERNEL_H
+
+#include "scene/description.h"
+#include "technique.h"
+
+#include <stddef.h>
+
+/* L17 What a vertex of a light path gives a pixel. */
+typedef struct {
+    size_t path;   /* of the job's */
+    size_t pixel;
+    double radiance[3];
+} Splat;
+
+typedef struct {
+    Splat *list; /* those of a path in the path's order; the paths in any */
+    size_t count, room;
+} Splats;
+
+/* A run of samples: pixels first_pixel … in reading order, for each the samples first_sample …, and where
+   they go: radiance[(pixel * sample_count + sample) * 3 + channel]. */
+typedef struct {
+    uint64_t seed, first_sample, first_pixel;
+    size_t sample_count, pixel_count;
+    double *radiance;
+    Splats *splats; /* not NULL: light paths instead, one for each pixel's sample; they go here, radiance stays
+                       as it is */
+} Job;
+
+/* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5
+   is absorbed, one path in e^100 is that long. */
+#define PATH_LIMIT 10000000
+
+typedef struct {
+    uint64_t rays, shadow_rays;
+    int64_t endless; /* a pixel whose path did not end within PATH_LIMIT vertices, or -1 */
+    int64_t unreachable; /* light tracing: a pixel that shows a mirror or glass, or -1 */
+} Counters;
+
+typedef struct {
+    const char *precision;
+    int lanes;
+    void *(*prepare)(const Description *description, const Technique *technique);
+    Features (*features)(const void *scene);
+    const char *(*instance)(const void *scene); /* the name of the instance that will run */
+    void (*render)(const void *scene, const Job *job, Counters *counters, int generic);
+    void (*release)(void *scene);
+} Kernel;
+
+/* The widest kernel of this precision that the processor runs, or the one with this many lanes; NULL: there
+   is none. */
+const Kernel *kernel_find(const char *precision, int lanes);
+/* All that were built, whether or not they run here; NULL at the end. */
+const Kernel *kernel_built(int i);
+int kernel_runs(const Kernel *kernel);
+
+#endif

@@ -1,0 +1,129 @@
+/* The kernel's loop: the samples of a job as paths, W at a time. */
+#ifndef ONERAY_KERNEL_TRACE_H
+#define ONERAY_KERNEL_TRACE_H
+
+#include "kernel/instance.h"
+#include "estimators/light.h"
+
+/* The samples of a job, in order, W at a time: their camera rays are made together, then given out lane by
+   lane as paths end. */
+typedef struct {
+    Start start;
+    int used;                     /* of start's lanes */
+    size_t next, count;           /* the sample that its lane 0 is, of how many */
+    uint64_t pixel, x, y, sample; /* the next one to be made */
+    size_t item[LANES];           /* what each lane of the path works on */
+} Queue;
+
+STAGE void make_starts(Queue *queue, const Scene *scene, const Job *job, Features f)
+{
+    Real x = real(0), y = real(0);
+    for (int lane = 0; lane < LANES; lane++) {
+        LANE(queue->start.rng.pixel, lane) = (Word)(uint32_t)queue->pixel;
+        LANE(queue->start.rng.sample_low, lane) = (Word)(uint32_t)queue->sample;
+        LANE(queue->start.rng.sample_high, lane) = (Word)(uint32_t)(queue->sample >> 32);
+        LANE(x, lane) = (Num)queue->x;
+        LANE(y, lane) = (Num)queue->y;
+        if (++queue->sample < job->first_sample + job->sample_count)
+            continue;
+        queue->sample = job->first_sample;
+        queue->pixel++;
+        if (++queue->x == (uint64_t)scene->width) {
+            queue->x = 0;
+            queue->y++;
+        }
+    }
+    if ((f & USE_LIGHT_PATHS) && job->splats)
+        start_at_light(&queue->start, scene, f);
+    else
+        start_at(&queue->start, scene, x, y, f);
+    queue->used = 0;
+}
+
+#define COPY_LANE(field) LANE(path->field, lane) = LANE(start->field, used)
+
+/* Gives each lane whose path has ended the next sample, and starts its path. */
+INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job, Mask *busy, Features f)
+{
+    const Start *start = &queue->start;
+    Mask fresh = mask_none();
+    for (unsigned idle = mask_bits(mask_not(*busy)); idle && queue->next < queue->count; idle &= idle - 1) {
+        int lane = lowest_lane(idle);
+        if (queue->used == LANES)
+            make_starts(queue, scene, job, f);
+        int used = queue->used++;
+        queue->item[lane] = queue->next++;
+        LANE(fresh, lane) = LANE(mask_all(), lane);
+        COPY_LANE(rng.pixel), COPY_LANE(rng.sample_low), COPY_LANE(rng.sample_high);
+        COPY_LANE(ray.o.x), COPY_LANE(ray.o.y), COPY_LANE(ray.o.z);
+        COPY_LANE(ray.d.x), COPY_LANE(ray.d.y), COPY_LANE(ray.d.z);
+        COPY_LANE(ray.tmax), COPY_LANE(ray.from);
+        if (f & USE_ROULETTE)
+            COPY_LANE(roulette);
+        if (f & USE_LIGHT_PATHS)
+            COPY_LANE(flux.x), COPY_LANE(flux.y), COPY_LANE(flux.z);
+        (void)used;
+    }
+    *busy |= fresh;
+    path_start(path, fresh);
+}
+
+/* Puts away the radiance of each lane whose path has ended; light paths have none. */
+INLINE void collect(const Path *path, const Queue *queue, const Job *job, Mask *busy)
+{
+    unsigned ended = job->splats ? 0 : mask_bits(and_not(*busy, path->alive));
+    for (; ended; ended &= ended - 1) {
+        int lane = lowest_lane(ended);
+        double *to = job->radiance + 3 * queue->item[lane];
+        to[0] = (double)LANE(path->radiance.x, lane);
+        to[1] = (double)LANE(path->radiance.y, lane);
+        to[2] = (double)LANE(path->radiance.z, lane);
+    }
+    *busy = path->alive;
+}
+
+INLINE void note_pixel(const Path *path, Mask lanes, int64_t *pixel)
+{
+    unsigned bits = mask_bits(lanes);
+    if (bits)
+        *pixel = (int64_t)LANE(path->rng.pixel, lowest_lane(bits));
+}
+
+INLINE void render_instance(const Scene *scene, const Job *job, Counters *counters, Features f)
+{
+    Path path;
+    memset(&path, 0, sizeof path);
+    Queue queue;
+    memset(&queue, 0, sizeof queue);
+    path.rng.key[0] = queue.start.rng.key[0] = (uint32_t)job->seed;
+    path.rng.key[1] = queue.start.rng.key[1] = (uint32_t)(job->seed >> 32);
+    queue.count = job->pixel_count * job->sample_count;
+    queue.used = LANES;
+    queue.sample = job->first_sample;
+    queue.pixel = job->first_pixel;
+    queue.x = job->first_pixel % (uint64_t)scene->width;
+    queue.y = job->first_pixel / (uint64_t)scene->width;
+    Mask busy = mask_none();
+    for (;;) {
+        if (queue.next < queue.count && any(mask_not(busy)))
+            refill(&path, &queue, scene, job, &busy, f);
+        if (!any(busy))
+            break;
+        if ((f & USE_LIGHT_PATHS) && job->splats)
+            light_step(&path, scene, queue.item, job->splats, f);
+        else
+            path_step(&path, scene, f);
+        Mask endless = path.alive & (path.depth + 1 >= index_of(PATH_LIMIT));
+        note_pixel(&path, endless, &counters->endless);
+        if (f & USE_LIGHT_PATHS)
+            note_pixel(&path, path.unreachable, &counters->unreachable);
+        path.alive = and_not(path.alive, endless);
+        collect(&path, &queue, job, &busy);
+    }
+    for (int lane = 0; lane < LANES; lane++) {
+        counters->rays += (uint64_t)llabs((long long)LANE(path.rays, lane));
+        counters->shadow_rays += (uint64_t)llabs((long long)LANE(path.shadow_rays, lane));
+    }
+}
+
+#endif

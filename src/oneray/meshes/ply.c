@@ -1,0 +1,325 @@
+/* PLY files: Turk, The PLY Polygon File Format, 1994. Vertices and triangles; everything else is skipped by
+   its declared type. */
+#include "meshes/mesh.h"
+
+#include "message.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef enum { ASCII, LITTLE_ENDIAN_, BIG_ENDIAN_ } Format;
+typedef enum { INT8, UINT8, INT16, UINT16, INT32, UINT32, FLOAT32, FLOAT64, TYPES } Type;
+typedef enum { SKIPPED = -1, X, Y, Z, NX, NY, NZ, CORNERS } Role;
+
+static const char *const type_names[TYPES][2] = {{"char", "int8"}, {"uchar", "uint8"}, {"short", "int16"},
+    {"ushort", "uint16"}, {"int", "int32"}, {"uint", "uint32"}, {"float", "float32"}, {"double", "float64"}};
+static const size_t type_bytes[TYPES] = {1, 1, 2, 2, 4, 4, 4, 8};
+
+enum { MOST_ELEMENTS = 16, MOST_PROPERTIES = 64, WORD = 40 };
+
+typedef struct {
+    bool is_list;
+    Type type, length_type;
+    Role role;
+} PlyProperty;
+
+typedef struct {
+    char name[WORD];
+    int count, line; /* the line that declares it */
+    PlyProperty properties[MOST_PROPERTIES];
+    int property_count;
+} Element;
+
+typedef struct {
+    Format format;
+    Element elements[MOST_ELEMENTS];
+    int element_count;
+} Header;
+
+static void skip_blanks(Source *source, const char *blanks)
+{
+    for (; *source->at && strchr(blanks, *source->at); source->at++)
+        source->line += *source->at == '\n';
+}
+
+/* The next word of the header's line; empty at its end. */
+static void next_word(Source *source, char word[WORD])
+{
+    skip_blanks(source, " \t\r");
+    size_t length = strcspn(source->at, " \t\r\n");
+    if (length >= WORD)
+        fail_in(source, "a word of the header is longer than %d bytes: this is no PLY file", WORD - 1);
+    memcpy(word, source->at, length);
+    word[length] = '\0';
+    source->at += length;
+}
+
+static void end_line(Source *source)
+{
+    char word[WORD];
+    next_word(source, word);
+    if (*word || *source->at != '\n')
+        fail_in(source, "the header's line should end before \"%s\"", *word ? word : "the end of the file");
+    source->at++;
+    source->line++;
+}
+
+static Type next_type(Source *source)
+{
+    char word[WORD];
+    next_word(source, word);
+    for (int type = 0; type < TYPES; type++)
+        if (!strcmp(word, type_names[type][0]) || !strcmp(word, type_names[type][1]))
+            return (Type)type;
+    fail_in(source, "\"%s\" is no type of PLY (char, uchar, short, ushort, int, uint, float, double)", word);
+}
+
+static void read_format(Source *source, Header *header)
+{
+    static const char *const formats[] = {"ascii", "binary_little_endian", "binary_big_endian"};
+    char word[WORD], version[WORD];
+    next_word(source, word);
+    next_word(source, version);
+    int format = 0;
+    while (format < 3 && strcmp(word, formats[format]) != 0)
+        format++;
+    if (format == 3 || strcmp(version, "1.0") != 0)
+        fail_in(source, "the format \"%s %s\" is not supported (ascii 1.0, binary_little_endian 1.0, "
+            "binary_big_endian 1.0)", word, version);
+    header->format = (Format)format;
+}
+
+static void read_element(Source *source, Header *header)
+{
+    char count[WORD], *end;
+    if (header->element_count == MOST_ELEMENTS)
+        fail_in(source, "more than %d elements are not supported", MOST_ELEMENTS);
+    Element *element = &header->elements[header->element_count++];
+    element->line = source->line;
+    next_word(source, element->name);
+    next_word(source, count);
+    long value = strtol(count, &end, 10);
+    if (end == count || *end || value < 0 || value > MESH_MOST)
+        fail_in(source, "\"%s\" is no number of elements (0 to %d)", count, MESH_MOST);
+    element->count = (int)value;
+}
+
+static void read_property(Source *source, Header *header)
+{
+    static const char *const coordinates[] = {"x", "y", "z", "nx", "ny", "nz"};
+    PlyProperty property = {.role = SKIPPED};
+    char name[WORD];
+    if (!header->element_count)
+        fail_in(source, "a property before the first element");
+    Element *element = &header->elements[header->element_count - 1];
+    if (element->property_count == MOST_PROPERTIES)
+        fail_in(source, "more than %d properties are not supported", MOST_PROPERTIES);
+    skip_blanks(source, " \t");
+    property.is_list = !strncmp(source->at, "list ", 5);
+    if (property.is_list) {
+        source->at += 5;
+        property.length_type = next_type(source);
+    }
+    property.type = next_type(source);
+    next_word(source, name);
+    bool of_faces = !strcmp(element->name, "face"), of_vertices = !strcmp(element->name, "vertex");
+    if (of_faces && property.is_list && (!strcmp(name, "vertex_indices") || !strcmp(name, "vertex_index")))
+        property.role = CORNERS;
+    for (int i = 0; i < 6 && of_vertices && !property.is_list; i++)
+        if (!strcmp(name, coordinates[i]))
+            property.role = (Role)i;
+    if (property.role == CORNERS && (property.type >= FLOAT32 || property.length_type >= FLOAT32))
+        fail_in(source, "\"%s\" must be a list of integers, its length too", name);
+    for (int i = 0; i < element->property_count && property.role != SKIPPED; i++)
+        if (element->properties[i].role == property.role)
+            fail_in(source, "the property \"%s\" is given twice", name);
+    element->properties[element->property_count++] = property;
+}
+
+static void read_header(Source *source, Header *header)
+{
+    char word[WORD];
+    bool has_format = false;
+    if (strncmp(source->at, "ply", 3) != 0 || !strchr(" \t\r\n", source->at[3]))
+        fail_in(source, "this is no PLY file: its first line must be \"ply\"");
+    source->at += 3;
+    for (end_line(source);; end_line(source)) {
+        next_word(source, word);
+        if (!strcmp(word, "comment") || !strcmp(word, "obj_info")) {
+            source->at += strcspn(source->at, "\n");
+        } else if (!strcmp(word, "format") && !has_format) {
+            read_format(source, header);
+            has_format = true;
+        } else if (!strcmp(word, "element")) {
+            read_element(source, header);
+        } else if (!strcmp(word, "property")) {
+            read_property(source, header);
+        } else if (!strcmp(word, "end_header") && has_format) {
+            break;
+        } else {
+            fail_in(source, "the header has \"%s\" (format once, comment, element, property, end_header)",
+                word);
+        }
+    }
+    end_line(source);
+}
+
+/* What an element takes at least of the file. */
+static size_t least_bytes(const Element *element, Format format)
+{
+    size_t bytes = 0;
+    for (int i = 0; i < element->property_count; i++) {
+        const PlyProperty *property = &element->properties[i];
+        bytes += format == ASCII ? 2 : type_bytes[property->is_list ? property->length_type : property->type];
+    }
+    return bytes;
+}
+
+static double binary_number(const char *at, Type type, bool swap)
+{
+    union {
+        int8_t i8;
+        uint8_t u8;
+        int16_t i16;
+        uint16_t u16;
+        int32_t i32;
+        uint32_t u32;
+        float f;
+        double d;
+        char b[8];
+    } n;
+    for (size_t i = 0, last = type_bytes[type] - 1; i <= last; i++)
+        n.b[i] = at[swap ? last - i : i];
+    switch (type) {
+    case INT8: return n.i8;
+    case UINT8: return n.u8;
+    case INT16: return n.i16;
+    case UINT16: return n.u16;
+    case INT32: return n.i32;
+    case UINT32: return n.u32;
+    case FLOAT32: return (double)n.f;
+    default: return n.d;
+    }
+}
+
+static double next_number(Source *source, Format format, Type type, const Element *element)
+{
+    if (format == ASCII) {
+        skip_blanks(source, " \t\r\n");
+        if (source->at == source->end)
+            fail_in(source, "the file ends before the %d elements \"%s\" of line %d do", element->count,
+                element->name, element->line);
+        double value = read_text_number(source, "value of PLY");
+        if (type < FLOAT32 && value != rint(value))
+            fail_in(source, "%g is no integer, and a value of type %s is wanted", value, type_names[type][0]);
+        return value;
+    }
+    const uint16_t one = 1;
+    bool little = *(const unsigned char *)&one == 1;
+    if ((size_t)(source->end - source->at) < type_bytes[type])
+        fail_in(source, "the file ends before the %d elements \"%s\" of this line do", element->count,
+            element->name);
+    double value = binary_number(source->at, type, little != (format == LITTLE_ENDIAN_));
+    source->at += type_bytes[type];
+    return value;
+}
+
+/* A face: three corners, all of them vertices. */
+static void read_corners(Source *source, double length, const double corners[3], Mesh *mesh)
+{
+    int number = mesh->triangle_count;
+    if (length != 3)
+        fail_in(source, "face %d has %.9g corners: only triangles are supported, as in Mitsuba", number,
+            length);
+    for (int k = 0; k < 3; k++) {
+        if (!(corners[k] >= 0 && corners[k] < mesh->vertex_count))
+            fail_in(source, "face %d has the vertex %.9g, but there are only 0 to %d", number, corners[k],
+                mesh->vertex_count - 1);
+        mesh->triangle[number][k] = (int32_t)corners[k];
+    }
+    mesh->triangle_count++;
+}
+
+static void keep_number(Source *source, Role role, double value, int vertex, Mesh *mesh)
+{
+    if (!(fabs(value) <= (double)FLT_MAX))
+        fail_in(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value,
+            (double)FLT_MAX);
+    if (role <= Z)
+        mesh->vertex[vertex][role] = value;
+    else if (mesh->normal)
+        mesh->normal[vertex][role - NX] = value;
+}
+
+static void read_one(Source *source, Format format, const Element *element, int number, Mesh *mesh)
+{
+    for (int i = 0; i < element->property_count; i++) {
+        const PlyProperty *property = &element->properties[i];
+        double length = 1, corners[3] = {-1, -1, -1}, value = 0;
+        if (property->is_list)
+            length = next_number(source, format, property->length_type, element);
+        if (!(length >= 0) || length != rint(length))
+            fail_in(source, "a list of %g numbers in element %d of \"%s\"", length, number, element->name);
+        for (double k = 0; k < length; k++) {
+            value = next_number(source, format, property->type, element);
+            if (k < 3)
+                corners[(int)k] = value;
+        }
+        if (property->role == CORNERS)
+            read_corners(source, length, corners, mesh);
+        else if (property->role != SKIPPED)
+            keep_number(source, property->role, value, number, mesh);
+    }
+}
+
+/* Makes room for an element's numbers, once it is certain that the file can hold them. */
+static void make_room(Source *source, Format format, const Element *element, Mesh *mesh)
+{
+    unsigned has = 0;
+    size_t count = (size_t)element->count;
+    for (int i = 0; i < element->property_count; i++)
+        if (element->properties[i].role != SKIPPED)
+            has |= 1u << element->properties[i].role;
+    if (count * least_bytes(element, format) > (size_t)(source->end - source->at) + 1)
+        die_at(source->file, element->line, "%zu elements \"%s\" are said to follow, but only %zu bytes do",
+            count, element->name, (size_t)(source->end - source->at));
+    if (!strcmp(element->name, "vertex") && !mesh->vertex) {
+        if ((has & 7) != 7)
+            die_at(source->file, element->line, "the vertices need the properties x, y and z");
+        mesh->vertex = allocate(count, sizeof *mesh->vertex);
+        mesh->vertex_count = element->count;
+        if ((has >> NX & 7) == 7)
+            mesh->normal = allocate(count, sizeof *mesh->normal);
+    } else if (!strcmp(element->name, "face") && !mesh->triangle) {
+        if (!(has >> CORNERS & 1))
+            die_at(source->file, element->line, "the faces need a list vertex_indices or vertex_index");
+        if (!mesh->vertex)
+            die_at(source->file, element->line, "the faces must come after the vertices");
+        mesh->triangle = allocate(count, sizeof *mesh->triangle);
+    } else if (has) {
+        die_at(source->file, element->line, "a second element \"%s\"", element->name);
+    }
+}
+
+void ply_read(Source *source, Mesh *mesh)
+{
+    Header *header = allocate(1, sizeof *header);
+    read_header(source, header);
+    for (int e = 0; e < header->element_count; e++) {
+        const Element *element = &header->elements[e];
+        make_room(source, header->format, element, mesh);
+        if (header->format != ASCII) /* bytes have no lines: a message names the one that declares them */
+            source->line = element->line;
+        for (int i = 0; i < element->count && element->property_count; i++)
+            read_one(source, header->format, element, i, mesh);
+    }
+    if (header->format == ASCII)
+        skip_blanks(source, " \t\r\n");
+    if (source->at != source->end)
+        fail_in(source, "%zu bytes are left after all elements", (size_t)(source->end - source->at));
+    for (int v = 0; mesh->normal && v < mesh->vertex_count; v++)
+        normalise(mesh->normal[v]);
+    free(header);
+}

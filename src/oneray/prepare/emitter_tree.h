@@ -1,0 +1,172 @@
+/* From a Description to a kernel's Scene: the tree of lights, which the choice by contribution walks down. */
+#ifndef ONERAY_PREPARE_EMITTER_TREE_H
+#define ONERAY_PREPARE_EMITTER_TREE_H
+
+#include "prepare/shapes.h"
+
+/* A light as the tree knows it. */
+typedef struct {
+    int emitter;
+    double center[3], radius;
+    double axis[3], spread; /* the cone around what it shines along, half its angle; π: all around */
+    double power, far;      /* W·sr⁻¹, W·m⁻² */
+    double key;             /* to sort by */
+} Leaf;
+
+/* largest: the largest emission, which powers are relative to, so that none overflows. */
+static Leaf leaf_of(const Emitters *emitters, int i, double largest)
+{
+    Leaf leaf = {.emitter = i, .axis = {0, 0, 1}, .spread = PI};
+    double x[3], y[3];
+    for (int c = 0; c < 3; c++) {
+        leaf.center[c] = (double)emitters->position[i][c];
+        leaf.power += (double)emitters->emission[i][c] / largest / 3;
+        x[c] = (double)emitters->edge_x[i][c];
+        y[c] = (double)emitters->edge_y[i][c];
+    }
+    switch (emitters->site[i]) {
+    case SITE_RECTANGLE:
+    case SITE_DISK:
+    case SITE_TRIANGLE:
+        for (int c = 0; c < 3; c++)
+            leaf.axis[c] = (double)emitters->normal[i][c];
+        leaf.radius = length(x) + length(y);
+        leaf.spread = 0;
+        leaf.power *= (double)emitters->area[i];
+        break;
+    case SITE_SPHERE:
+        leaf.radius = fabs((double)emitters->radius[i]);
+        leaf.power *= PI * leaf.radius * leaf.radius;
+        break;
+    case SITE_SPOT:
+        memcpy(leaf.axis, x, sizeof x);
+        leaf.spread = (double)emitters->cutoff[i];
+        break;
+    case SITE_POINT: break;
+    default: /* as seen from wherever the scene is */
+        for (int c = 0; c < 3; c++)
+            leaf.center[c] = (double)emitters->world_center[c];
+        leaf.far = leaf.power * (emitters->site[i] == SITE_CONSTANT ? PI : 1);
+        leaf.power = 0;
+    }
+    return leaf;
+}
+
+/* The ball around the balls of the leaves, about the middle of their centers. */
+static double ball_around(const Leaf *leaves, int count, double center[3], double extent[3])
+{
+    double radius = 0;
+    for (int c = 0; c < 3; c++) {
+        double low = leaves[0].center[c], high = low;
+        for (int i = 1; i < count; i++) {
+            low = fmin(low, leaves[i].center[c]);
+            high = fmax(high, leaves[i].center[c]);
+        }
+        center[c] = (low + high) / 2;
+        extent[c] = high - low;
+    }
+    for (int i = 0; i < count; i++) {
+        double away[3] = {leaves[i].center[0] - center[0], leaves[i].center[1] - center[1],
+            leaves[i].center[2] - center[2]};
+        radius = fmax(radius, length(away) + leaves[i].radius);
+    }
+    return radius;
+}
+
+/* The cone around the cones of the leaves, about the mean of their axes. */
+static double cone_around(const Leaf *leaves, int count, double axis[3])
+{
+    double spread = 0, sum[3] = {0};
+    for (int i = 0; i < count; i++)
+        for (int c = 0; c < 3; c++)
+            sum[c] += leaves[i].axis[c];
+    double size = length(sum);
+    for (int c = 0; c < 3; c++)
+        axis[c] = size > 1e-6 * count ? sum[c] / size : leaves[0].axis[c];
+    for (int i = 0; i < count; i++) {
+        double across[3];
+        cross(axis, leaves[i].axis, across);
+        spread = fmax(spread, atan2(length(across), dot(axis, leaves[i].axis)) + leaves[i].spread);
+    }
+    return fmin(spread, PI);
+}
+
+/* The numbers of the node above these leaves; extent gets how far their centers are apart along each axis. A
+   ball and cone that rounding could have cut into are made a little larger. */
+static void set_node(Num *node, const Leaf *leaves, int count, double extent[3])
+{
+    double center[3], axis[3], radius = ball_around(leaves, count, center, extent) * (1 + 1e-6);
+    double spread = cone_around(leaves, count, axis), power = 0, far = 0;
+    if (count > 1)
+        spread = fmin(spread + 1e-6, PI);
+    for (int i = 0; i < count; i++) {
+        power += leaves[i].power;
+        far += leaves[i].far;
+    }
+    store(node + NODE_CENTER, center);
+    store(node + NODE_AXIS, axis);
+    node[NODE_RADIUS] = (Num)radius;
+    node[NODE_COS] = (Num)cos(spread);
+    node[NODE_SIN] = (Num)sin(spread);
+    node[NODE_SLACK] = count > 1 ? (Num)radius : 0;
+    node[NODE_POWER] = (Num)power;
+    node[NODE_FAR] = (Num)far;
+    node[NODE_COUNT] = (Num)count;
+}
+
+static int by_key(const void *a, const void *b)
+{
+    const Leaf *p = a, *q = b;
+    int order = (p->key > q->key) - (p->key < q->key);
+    return order ? order : (p->emitter > q->emitter) - (p->emitter < q->emitter);
+}
+
+/* A node that is still to be divided: its leaves, how deep it is, and the way down to it. */
+typedef struct {
+    int first, count, level;
+    Int trail;
+} Branch;
+
+/* Halves, along the axis on which the centers are furthest apart, level by level: the uppermost nodes have the
+   lowest numbers. */
+static void prepare_tree(Scene *scene)
+{
+    Emitters *emitters = &scene->emitters;
+    LightTree *tree = &emitters->tree;
+    size_t n = (size_t)emitters->count;
+    Leaf *leaves = allocate(n, sizeof *leaves);
+    Branch *branches = allocate(2 * n, sizeof *branches);
+    tree->nodes = keep(scene, 2 * n, NODE_NUMBERS * sizeof(Num));
+    tree->child = keep(scene, 2 * n, sizeof *tree->child);
+    tree->trail = keep(scene, n, sizeof *tree->trail);
+    tree->uniform_share = (Num)0.5;
+    double largest = 0;
+    for (int i = 0; i < emitters->count; i++)
+        for (int c = 0; c < 3; c++)
+            largest = fmax(largest, (double)emitters->emission[i][c]);
+    for (int i = 0; i < emitters->count; i++)
+        leaves[i] = leaf_of(emitters, i, largest);
+    branches[0] = (Branch){0, emitters->count, 0, 0};
+    for (int node = 0, used = 1; node < used; node++) {
+        Branch b = branches[node];
+        double extent[3];
+        set_node(tree->nodes + node * NODE_NUMBERS, leaves + b.first, b.count, extent);
+        if (b.count == 1) {
+            tree->child[node] = -1 - leaves[b.first].emitter;
+            tree->trail[leaves[b.first].emitter] = b.trail;
+            continue;
+        }
+        int axis = extent[1] > extent[0] ? 1 : 0, half = b.count / 2;
+        axis = extent[2] > extent[axis] ? 2 : axis;
+        for (int i = 0; i < b.count; i++)
+            leaves[b.first + i].key = leaves[b.first + i].center[axis];
+        qsort(leaves + b.first, (size_t)b.count, sizeof *leaves, by_key);
+        tree->child[node] = used;
+        branches[used++] = (Branch){b.first, half, b.level + 1, b.trail};
+        branches[used++] = (Branch){b.first + half, b.count - half, b.level + 1, b.trail | (Int)1 << b.level};
+    }
+    free(leaves);
+    free(branches);
+}
+
+#endif

@@ -1,0 +1,23 @@
+/* A scene as a kernel wants it: tables in the kernel's precision, only of what the scene has. */
+#ifndef ONERAY_PREPARE_SCENE_H
+#define ONERAY_PREPARE_SCENE_H
+
+#include "sensors/perspective.h"
+#include "kernel/learn.h"
+#include "materials/material.h"
+
+typedef struct {
+    Shapes shapes;
+    Materials materials;
+    Emitters emitters;
+    Camera camera;
+    Int max_depth, rr_depth;            /* max_depth of a scene without limit is PATH_LIMIT */
+    int width, height;
+    Lesson *lesson; /* while the visibility of lights is being learned, else NULL */
+    Features features;
+    void **kept; /* every table above, to be freed */
+    int kept_count;
+} Scene;
+
+
+#endif

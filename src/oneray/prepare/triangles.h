@@ -1,0 +1,212 @@
+/* From a Description to a kernel's Scene: the triangles, and the trees of them and of other shapes. */
+#ifndef ONERAY_PREPARE_TRIANGLES_H
+#define ONERAY_PREPARE_TRIANGLES_H
+
+#include "prepare/base.h"
+
+#include <float.h>
+
+/* A box in the kernel's numbers. */
+typedef struct {
+    Num low[3], high[3];
+} Bounds;
+
+static void bounds_join(Bounds *bounds, const Num low[3], const Num high[3])
+{
+    for (int i = 0; i < 3; i++) {
+        bounds->low[i] = low[i] < bounds->low[i] ? low[i] : bounds->low[i];
+        bounds->high[i] = high[i] > bounds->high[i] ? high[i] : bounds->high[i];
+    }
+}
+
+static Bounds bounds_empty(void)
+{
+    return (Bounds){{NUM_MAX, NUM_MAX, NUM_MAX}, {-NUM_MAX, -NUM_MAX, -NUM_MAX}};
+}
+
+/* The builder's boxes are floats: about the center of all, so that far from the origin they still differ. */
+static void set_item(BvhItem *item, const Bounds *bounds, const Bounds *all, int id)
+{
+    item->id = id;
+    for (int i = 0; i < 3; i++) {
+        double center = 0.5 * (double)all->low[i] + 0.5 * (double)all->high[i];
+        item->low[i] = (float)fmax((double)bounds->low[i] - center, -(double)FLT_MAX);
+        item->high[i] = (float)fmin((double)bounds->high[i] - center, (double)FLT_MAX);
+    }
+}
+
+/* The nodes' bounds, from the leaves upwards: a child has a higher number than its node. */
+static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds *of_leaf, const Bounds *all)
+{
+    for (int i = 0; i < 3; i++) {
+        tree->center[i] = (Num)0.5 * all->low[i] + (Num)0.5 * all->high[i];
+        tree->extent[i] = (Num)0.5 * all->high[i] - (Num)0.5 * all->low[i];
+    }
+    tree->nodes = keep(scene, (size_t)bvh->node_count, sizeof *tree->nodes);
+    for (int n = bvh->node_count - 1; n >= 0; n--) {
+        TreeNode *node = &tree->nodes[n];
+        node->where = bvh->nodes[n];
+        for (int k = 0; k < BVH_WIDTH; k++) {
+            int child = node->where.child[k];
+            Bounds bounds = child < -1 ? of_leaf[-2 - child] : bounds_empty();
+            for (int i = 0; i < 3; i++) {
+                float low = (float)(bounds.low[i] - tree->center[i]);
+                float high = (float)(bounds.high[i] - tree->center[i]);
+                for (int j = 0; child >= 0 && j < BVH_WIDTH; j++) {
+                    low = fminf(low, tree->nodes[child].plane[i][j]);
+                    high = fmaxf(high, tree->nodes[child].plane[3 + i][j]);
+                }
+                node->plane[i][k] = low;
+                node->plane[3 + i][k] = high;
+            }
+        }
+    }
+}
+
+/* Vectors in the kernel's numbers: the description's own if these are doubles. */
+static const Num (*numbers_of(Scene *scene, double (*from)[3], size_t count))[3]
+{
+#ifdef SINGLE
+    Num(*to)[3] = keep(scene, count, sizeof *to);
+    for (size_t i = 0; i < count; i++)
+        store(to[i], from[i]);
+    return (const Num(*)[3])to;
+#else
+    (void)scene, (void)count;
+    return (const Num(*)[3])from;
+#endif
+}
+
+static Bounds bounds_of_triangle(const Triangles *triangles, int i)
+{
+    Bounds bounds = bounds_empty();
+    for (int c = 0; c < 3; c++) {
+        const Num *p = triangles->vertex[triangles->corner[i][c]];
+        bounds_join(&bounds, p, p);
+    }
+    return bounds;
+}
+
+/* Has it a normal in the kernel's precision? Else no ray may meet it. */
+static int has_normal(const Triangles *triangles, int i)
+{
+    Vec corner[3];
+    for (int c = 0; c < 3; c++)
+        corner[c] = vec_of(triangles->vertex[triangles->corner[i][c]]);
+    Vec n = normal_of_edges(vec_sub(corner[1], corner[0]), vec_sub(corner[2], corner[0]));
+    return any(vec_dot(n, n) > real(0.5));
+}
+
+static void fill_leaf(TriangleLeaf *leaf, const Triangles *triangles, const BvhItem *items, int count)
+{
+    for (int k = 0; k < 8; k++) {
+        leaf->slot[k] = -1;
+        for (int c = 0; c < 3 && k < count; c++)
+            for (int i = 0; i < 3; i++)
+                leaf->corner[c][i][k] = triangles->vertex[triangles->corner[items[k].id][c]][i];
+        if (k < count)
+            leaf->slot[k] = triangles->first_slot + items[k].id;
+    }
+}
+
+static void prepare_triangle_tree(Scene *scene, int count)
+{
+    Triangles *triangles = &scene->shapes.triangles;
+    Bounds all = bounds_empty();
+    BvhItem *items = allocate((size_t)count, sizeof *items);
+    int used = 0;
+    for (int i = 0; i < count; i++) {
+        Bounds bounds = bounds_of_triangle(triangles, i);
+        bounds_join(&all, bounds.low, bounds.high);
+    }
+    for (int i = 0; i < count; i++) {
+        Bounds bounds = bounds_of_triangle(triangles, i);
+        if (has_normal(triangles, i))
+            set_item(&items[used++], &bounds, &all, i);
+    }
+    Bvh bvh = bvh_build(items, used, 8);
+    Bounds *of_leaf = allocate((size_t)bvh.leaf_count, sizeof *of_leaf);
+    triangles->leaves = keep(scene, (size_t)bvh.leaf_count, sizeof *triangles->leaves);
+    for (int n = 0; n < bvh.leaf_count; n++) {
+        const BvhItem *first = items + bvh.leaves[n][0];
+        of_leaf[n] = bounds_empty();
+        fill_leaf(&triangles->leaves[n], triangles, first, bvh.leaves[n][1]);
+        for (int k = 0; k < bvh.leaves[n][1]; k++) {
+            Bounds bounds = bounds_of_triangle(triangles, first[k].id);
+            bounds_join(&of_leaf[n], bounds.low, bounds.high);
+        }
+    }
+    free(items);
+    prepare_nodes(scene, &triangles->tree, &bvh, of_leaf, &all);
+    free(of_leaf);
+    bvh_free(&bvh);
+}
+
+static void prepare_triangles(Scene *scene, const Description *d, const int *first_slot)
+{
+    Triangles *triangles = &scene->shapes.triangles;
+    size_t vertices = (size_t)d->mesh.vertex_count;
+    if (!d->mesh.triangle_count)
+        return;
+    int32_t *row = keep(scene, (size_t)d->mesh.triangle_count, sizeof *row);
+    for (int i = 0; i < d->shape_count; i++)
+        for (int k = 0; k < d->shapes[i].triangle_count; k++)
+            row[d->shapes[i].first_triangle + k] = first_slot[i];
+    triangles->row = row;
+    triangles->corner = (const int32_t(*)[3])d->mesh.triangle;
+    triangles->vertex = numbers_of(scene, d->mesh.vertex, vertices);
+    if (d->mesh.normal)
+        triangles->normal = numbers_of(scene, d->mesh.normal, vertices);
+    triangles->first_slot = scene->shapes.slot_count;
+    prepare_triangle_tree(scene, d->mesh.triangle_count);
+}
+
+/* Beyond this many shapes other than meshes a tree beats the loop over all. */
+#ifndef LOOP_MOST
+#define LOOP_MOST 32
+#endif
+
+static int count_primitives(const Description *d)
+{
+    int count = 0;
+    for (int i = 0; i < d->shape_count; i++)
+        count += d->shapes[i].kind != SHAPE_MESH;
+    return count;
+}
+
+/* The tree of all shapes that are no meshes, one in a leaf. */
+static void prepare_shape_tree(Scene *scene, const Description *d, const int *first_slot)
+{
+    Shapes *s = &scene->shapes;
+    int count = 0, most = count_primitives(d);
+    Bounds all = bounds_empty();
+    BvhItem *items = allocate((size_t)most, sizeof *items);
+    Bounds *bounds = allocate((size_t)d->shape_count, sizeof *bounds);
+    Bounds *of_leaf = allocate((size_t)most, sizeof *of_leaf);
+    for (int i = 0; i < d->shape_count; i++) {
+        double low[3], high[3];
+        if (d->shapes[i].kind == SHAPE_MESH)
+            continue;
+        bounds_of_shape(d, &d->shapes[i], low, high);
+        store(bounds[i].low, low);
+        store(bounds[i].high, high);
+        bounds_join(&all, bounds[i].low, bounds[i].high);
+    }
+    for (int i = 0; i < d->shape_count; i++)
+        if (d->shapes[i].kind != SHAPE_MESH)
+            set_item(&items[count++], &bounds[i], &all, i);
+    Bvh bvh = bvh_build(items, count, 1);
+    s->slot_of_leaf = keep(scene, (size_t)bvh.leaf_count, sizeof *s->slot_of_leaf);
+    for (int n = 0; n < bvh.leaf_count; n++) {
+        int shape = items[bvh.leaves[n][0]].id;
+        s->slot_of_leaf[n] = first_slot[shape];
+        of_leaf[n] = bounds[shape];
+    }
+    prepare_nodes(scene, &s->tree, &bvh, of_leaf, &all);
+    free(items);
+    free(bounds);
+    free(of_leaf);
+    bvh_free(&bvh);
+}
+
+#endif

@@ -1,0 +1,61 @@
+/* The pinhole camera: primary rays, one pixel's box filter. The eye is where the path starts; nothing is
+   sampled towards it. */
+#ifndef ONERAY_SENSORS_PERSPECTIVE_H
+#define ONERAY_SENSORS_PERSPECTIVE_H
+
+#include "shapes/shape.h"
+
+typedef struct {
+    Num origin[3], left[3], up[3],
+        forward[3]; /* left and up reach the edges of the image at forward's distance 1 */
+    Num near_clip, far_clip;
+    Num pixel_width, pixel_height; /* in units of the half image: 2/width, 2/height */
+    Num to_left[3], to_up[3];      /* left and up over their squared lengths: a point's place in the image */
+    Num film_area;                 /* of the image at forward's distance 1 */
+} Camera;
+
+/* The ray through the point (x, y) of the film, in pixels from its upper left corner. It starts on the near
+   plane and ends on the far plane, as Mitsuba's does. */
+STAGE Ray camera_ray(const Camera *camera, Real x, Real y)
+{
+    Real a = real(1) - x * real(camera->pixel_width), b = real(1) - y * real(camera->pixel_height);
+    Vec d = vec_add(vec_of(camera->forward),
+        vec_add(vec_scale(vec_of(camera->left), a), vec_scale(vec_of(camera->up), b)));
+    Ray ray = {
+        vec_add(vec_of(camera->origin), vec_scale(d, real(camera->near_clip))), d, real(0), index_of(-1)};
+    Real length = vec_length(d);
+    ray.d = vec_scale(d, real(1) / length);
+    ray.tmax = (real(camera->far_clip) - real(camera->near_clip)) * length;
+    return ray;
+}
+
+/* L17 The other way round: from a point to the eye. */
+typedef struct {
+    Mask seen; /* the point is within the image and between the planes */
+    Vec wi;    /* unit vector to the eye */
+    Real distance;
+    Real to_near; /* of it, up to the near plane */
+    Real x, y;    /* where on the film, in pixels */
+    Real weight;  /* mean radiance of the image per flux arriving, over the receiver's cosine: a pixel sees
+                     dΩ = cos³θ dA_film at distance 1, a surface dΩ cos/d² of it: 1/(d² cos³θ A_film), m⁻²·sr⁻¹ */
+} Eye;
+
+INLINE Eye eye_from(const Camera *camera, Vec p)
+{
+    Vec from_eye = vec_sub(p, vec_of(camera->origin));
+    Real z = vec_dot(from_eye, vec_of(camera->forward)), inverse_z = real(1) / z;
+    Eye eye;
+    eye.distance = vec_length(from_eye);
+    eye.wi = vec_scale(from_eye, real(-1) / eye.distance);
+    eye.to_near = eye.distance * (real(1) - real(camera->near_clip) * inverse_z);
+    Real a = vec_dot(from_eye, vec_of(camera->to_left)) * inverse_z;
+    Real b = vec_dot(from_eye, vec_of(camera->to_up)) * inverse_z;
+    eye.x = (real(1) - a) / real(camera->pixel_width);
+    eye.y = (real(1) - b) / real(camera->pixel_height);
+    eye.weight = eye.distance * inverse_z * inverse_z * inverse_z / real(camera->film_area);
+    eye.seen = (z > real(camera->near_clip)) & (z < real(camera->far_clip)) & (a > real(-1)) & (a <= real(1))
+               & (b > real(-1)) & (b <= real(1));
+    return eye;
+}
+
+#endif

@@ -1,0 +1,30 @@
+/* A tree of boxes around things that rays meet: which box is in which. The bounds are the kernel's. */
+#ifndef ONERAY_TREES_BVH_H
+#define ONERAY_TREES_BVH_H
+
+#include <stdint.h>
+
+enum { BVH_WIDTH = 8, BVH_DEPTH = 40 };
+
+/* A thing, and the box around it; only how well the tree is built depends on the box. */
+typedef struct {
+    float low[3], high[3];
+    int32_t id;
+} BvhItem;
+
+/* Where a node's child is: a node with a higher number, -1 for none, or -2 - leaf. */
+typedef struct {
+    int32_t child[BVH_WIDTH];
+} BvhNode;
+
+typedef struct {
+    BvhNode *nodes;       /* 0 is the root */
+    int32_t (*leaves)[2]; /* the first item, and how many */
+    int node_count, leaf_count;
+} Bvh;
+
+/* Puts the items into the order of the leaves, at most leaf_most in each. */
+Bvh bvh_build(BvhItem *items, int count, int leaf_most);
+void bvh_free(Bvh *bvh);
+
+#endif
