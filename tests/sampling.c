@@ -125,7 +125,7 @@ OVER_COLUMNS(numbers)
     Rng rng = {(Bits)get_index(b, 1), (Bits)get_index(b, 2), (Bits)get_index(b, 3),
         {(uint32_t)b->in[b->at], 0}};
     int dimension = (int)b->in[5 * b->n + b->at];
-    Features f = b->in[6 * b->n + b->at] > 0 ? USE_SOBOL : 0;
+    Features f = {0, b->in[6 * b->n + b->at] > 0 ? USE_SOBOL : 0};
     Uniforms out = random_block(&rng, get_index(b, 4), dimension, f);
     for (size_t k = 0; k < 4; k++)
         put(b, k, out.u[k]);
@@ -212,7 +212,7 @@ OVER_COLUMNS(scatter)
     put_vec(b, 12, eval_diffuse(&s));
     put(b, 15, pdf_w_diffuse(&s, cosine, f));
     put_vec(b, 16, factor_diffuse(&s, cosine, f));
-    put_index(b, 19, f & HAS_BLEND ? choose_layer(&scene->materials, &s, get(b, 9)) : s.row);
+    put_index(b, 19, f.has & HAS_BLEND ? choose_layer(&scene->materials, &s, get(b, 9)) : s.row);
     put_mask(b, 20, hit.slot >= index_of(0));
 }
 

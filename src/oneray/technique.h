@@ -3,7 +3,7 @@
 #ifndef ONERAY_TECHNIQUE_H
 #define ONERAY_TECHNIQUE_H
 
-#include <stdint.h>
+#include "kinds.h"
 
 typedef enum { ESTIMATOR_WALK, ESTIMATOR_NEE, ESTIMATOR_MIS, ESTIMATOR_LIGHT } Estimator; /* L7; L10; L13; L17 */
 typedef enum { HEMISPHERE_UNIFORM, HEMISPHERE_COSINE } Hemisphere;                       /* L8; L9 */
@@ -31,54 +31,5 @@ typedef struct {
     Fresnel fresnel;
     Sampler sampler;
 } Technique;
-
-/* The feature mask: bit by bit, what a scene has and a technique uses. A kernel instance is compiled for a
-   set of features; what is not in the set is not in its machine code. */
-#define FEATURES(X) \
-    X(HAS_RECTANGLE,       "rectangle")          X(HAS_DISK,         "disk") \
-    X(HAS_ALIGNED,         "rectangle along the axes") \
-    X(HAS_SPHERE,          "sphere")             X(HAS_CUBE,         "cube") \
-    X(HAS_TRIANGLE,        "mesh")               X(HAS_SMOOTH,       "interpolated normals") \
-    X(HAS_TREE,            "tree of many shapes") \
-    X(HAS_DIFFUSE,         "diffuse")            X(HAS_CONDUCTOR,    "conductor") \
-    X(HAS_FRESNEL,         "Fresnel of metals")  X(HAS_DIELECTRIC,   "dielectric") \
-    X(HAS_BLEND,           "blend of materials") X(HAS_AREA,         "area light") \
-    X(HAS_FLAT_LIGHT,      "flat light")         X(HAS_SPHERE_LIGHT, "sphere light") \
-    X(HAS_TRIANGLE_LIGHT,  "mesh light") \
-    X(HAS_POINT,           "point light")        X(HAS_SPOT,         "spot light") \
-    X(HAS_DIRECTIONAL,     "directional light")  X(HAS_CONSTANT,     "environment") \
-    X(HAS_MANY_LIGHTS,     "light choice")       X(HAS_HIDDEN,       "hidden emitters") \
-    X(USE_NEE,             "next event estimation") \
-    X(USE_MIS,             "multiple importance sampling") \
-    X(USE_BALANCE,         "balance heuristic")  X(USE_SURVIVAL_PDF, "survival in the pdf of MIS") \
-    X(USE_CONTRIBUTION,    "light choice by contribution") \
-    X(USE_LEARNED,         "learned light choice") \
-    X(USE_FACING,          "facing half of sphere lights") \
-    X(USE_CONE,            "cone of sphere lights") \
-    X(USE_SOLID_ANGLE,     "solid angle of rectangle lights") \
-    X(USE_COSINE,          "cosine hemisphere")  X(USE_ROULETTE,     "roulette") \
-    X(USE_SCHLICK,         "Schlick's Fresnel")  X(USE_LIGHT_PATHS,  "light tracing") \
-    X(USE_SOBOL,           "Sobol' points")
-
-enum {
-#define X(name, words) BIT_##name,
-    FEATURES(X)
-#undef X
-    FEATURE_COUNT
-};
-
-typedef uint64_t Features;
-
-#define X(name, words) static const Features name __attribute__((unused)) = (Features)1 << BIT_##name;
-FEATURES(X)
-#undef X
-
-/* The bits that an instance must have as asked, no more and no less: those that choose between two ways, and
-   those that go with tables which other scenes do not have. */
-#define EXACTLY                                                                                              \
-    (USE_NEE | USE_MIS | USE_BALANCE | USE_SURVIVAL_PDF | USE_CONTRIBUTION | USE_LEARNED | USE_FACING        \
-        | USE_CONE | USE_SOLID_ANGLE | USE_COSINE | USE_SCHLICK | USE_LIGHT_PATHS | HAS_HIDDEN               \
-        | HAS_TREE | HAS_TRIANGLE | HAS_FRESNEL | HAS_BLEND)
-#define EVERY_FEATURE (((Features)1 << FEATURE_COUNT) - 1)
 
 #endif

@@ -73,13 +73,13 @@ STAGE Real walk_tree(
     Mask by_count = u < share;
     u = select(by_count, u / share, (u - share) / (real(1) - share));
     Index node = index_of(0), child = index_of(tree->child[0]), region = index_of(0);
-    if (f & USE_LEARNED)
+    if (f.use & USE_LEARNED)
         region = region_of(tree, at->p);
     for (Mask inner = child >= 0; any(inner); inner = child >= 0) {
         Index first = index_select(inner, child, index_of(1));
         Real count_a, count_b;
         Real a = node_importance(tree, first, at, &count_a), b = node_importance(tree, first + 1, at, &count_b);
-        if ((f & USE_LEARNED) && tree->visible) {
+        if ((f.use & USE_LEARNED) && tree->visible) {
             a = a * learned_visibility(tree, region, first);
             b = b * learned_visibility(tree, region, first + 1);
         }
@@ -110,9 +110,9 @@ INLINE Index choose_light(
     const Emitters *emitters, const Receiver *at, Real u, Real v, Real *inverse_choice, Features f)
 {
     *inverse_choice = real(1);
-    if (!(f & HAS_MANY_LIGHTS))
+    if (!(f.has & HAS_MANY_LIGHTS))
         return index_of(0);
-    if (f & USE_CONTRIBUTION) {
+    if (f.use & USE_CONTRIBUTION) {
         Index light;
         *inverse_choice = walk_tree(&emitters->tree, at, mask_none(), index_of(0), u, v, &light, f);
         return light;
@@ -126,9 +126,9 @@ INLINE Index choose_light(
 /* 1/p_i of a light that was hit: what choose_light would have said. */
 STAGE Real inverse_choice_of(const Emitters *emitters, const Receiver *at, Index i, Features f)
 {
-    if (!(f & HAS_MANY_LIGHTS))
+    if (!(f.has & HAS_MANY_LIGHTS))
         return real(1);
-    if (!(f & USE_CONTRIBUTION))
+    if (!(f.use & USE_CONTRIBUTION))
         return gather(emitters->inverse_choice, i);
     Index light;
     return walk_tree(&emitters->tree, at, mask_all(), gather_index(emitters->tree.trail, i), real(0.5), real(0.5),
@@ -150,7 +150,7 @@ INLINE LightSample sample_light(
    Methods, 1997, 9.2. */
 INLINE Real mis_weight_light(Real bounce_over_light, Features f)
 {
-    Real x = f & USE_BALANCE ? bounce_over_light : bounce_over_light * bounce_over_light;
+    Real x = f.use & USE_BALANCE ? bounce_over_light : bounce_over_light * bounce_over_light;
     return real(1) / (real(1) + x);
 }
 

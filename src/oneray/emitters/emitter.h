@@ -98,15 +98,15 @@ typedef struct {
 /* A light's number or vector; without a choice there is only light 0 and nothing to look up. */
 INLINE Real of_light(const Num *table, Index i, Features f)
 {
-    return f & HAS_MANY_LIGHTS ? gather(table, i) : real(table[0]);
+    return f.has & HAS_MANY_LIGHTS ? gather(table, i) : real(table[0]);
 }
 INLINE Vec vec_of_light(Num (*table)[3], Index i, Features f)
 {
-    return f & HAS_MANY_LIGHTS ? vec_gather((const Num(*)[3])table, i) : vec_of(table[0]);
+    return f.has & HAS_MANY_LIGHTS ? vec_gather((const Num(*)[3])table, i) : vec_of(table[0]);
 }
 INLINE Index index_of_light(const Int *table, Index i, Features f)
 {
-    return f & HAS_MANY_LIGHTS ? gather_index(table, i) : index_of(table[0]);
+    return f.has & HAS_MANY_LIGHTS ? gather_index(table, i) : index_of(table[0]);
 }
 INLINE Mask light_is(const Emitters *emitters, Site site, Index i, Features f)
 {
@@ -148,7 +148,7 @@ INLINE SphereView view_sphere(const Emitters *emitters, Index i, const Receiver 
     Real s = radius / view.distance;
     view.extent = s * s / (real(1) + real_sqrt((real(1) - s) * (real(1) + s)));
     view.sets = mask_none();
-    if (f & USE_CONE) {
+    if (f.use & USE_CONE) {
         view.below = -vec_dot(at->n, view.axis);
         view.sets = view.outside & (view.below > real(0)) & (view.below < real_min(s, real(DEEPEST_SETTING)));
         if (any(view.sets))
@@ -198,11 +198,11 @@ STAGE RectangleView view_rectangle(const Emitters *emitters, Index i, const Rece
 {
     RectangleView view;
     Real panel[PANEL_NUMBERS];
-    if (f & HAS_MANY_LIGHTS) {
+    if (f.has & HAS_MANY_LIGHTS) {
         gather_four(emitters->panel[0], i * PANEL_NUMBERS, panel);
         gather_four(emitters->panel[0] + 4, i * PANEL_NUMBERS, panel + 4);
     }
-#define PANEL(k) (f & HAS_MANY_LIGHTS ? panel[k] : real(emitters->panel[0][k]))
+#define PANEL(k) (f.has & HAS_MANY_LIGHTS ? panel[k] : real(emitters->panel[0][k]))
     Real half_x = PANEL(PANEL_X), half_y = PANEL(PANEL_Y), scale = PANEL(PANEL_SCALE);
     Vec to_center = vec_sub(vec_of_light(emitters->position, i, f), at->p), d = vec_scale(to_center, scale);
     view.serves =
@@ -260,14 +260,14 @@ INLINE Real inverse_pdf_w_point(const Emitters *emitters, Index i, Real inverse_
     const SphereView *sphere, const RectangleView *rectangle, Features f)
 {
     Real inverse = of_light(emitters->area, i, f) * cosine * inverse_dd;
-    if (f & USE_FACING)
+    if (f.use & USE_FACING)
         inverse = select(sphere->outside, real(0.5) * inverse, inverse);
-    if (f & USE_CONE) {
+    if (f.use & USE_CONE) {
         inverse = select(sphere->outside, real(1) / pdf_w_cone(sphere->extent), inverse);
         if (any(sphere->sets))
             inverse = select(sphere->sets, real(2) * sphere->turn * sphere->rise, inverse);
     }
-    if (f & USE_SOLID_ANGLE)
+    if (f.use & USE_SOLID_ANGLE)
         inverse = select(rectangle->serves, rectangle->solid_angle, inverse);
     return inverse;
 }
@@ -278,9 +278,9 @@ STAGE Real inverse_pdf_w_hit(
 {
     SphereView sphere = {0};
     RectangleView rectangle = {0};
-    if (f & (USE_FACING | USE_CONE))
+    if (f.use & (USE_FACING | USE_CONE))
         sphere = view_sphere(emitters, i, at, f);
-    if (f & USE_SOLID_ANGLE)
+    if (f.use & USE_SOLID_ANGLE)
         rectangle = view_rectangle(emitters, i, at, f);
     return inverse_pdf_w_point(emitters, i, real(1) / (distance * distance), cosine, &sphere, &rectangle, f);
 }
@@ -289,16 +289,16 @@ STAGE Real inverse_pdf_w_hit(
 INLINE void sample_area(const Emitters *emitters, Index i, Real u, Real v, Vec *point, Vec *normal, Features f)
 {
     Vec center = vec_of_light(emitters->position, i, f);
-    if (f & (HAS_FLAT_LIGHT | HAS_TRIANGLE_LIGHT)) {
+    if (f.has & (HAS_FLAT_LIGHT | HAS_MESH_LIGHT)) {
         Real x, y, disk_x, disk_y;
         sample_square(u, v, &x, &y);
-        if (f & HAS_DISK) {
+        if (f.has & HAS_DISK) {
             Mask disk = light_is(emitters, SITE_DISK, i, f);
             sample_disk(u, v, &disk_x, &disk_y);
             x = select(disk, disk_x, x);
             y = select(disk, disk_y, y);
         }
-        if (f & HAS_TRIANGLE_LIGHT) {
+        if (f.has & HAS_MESH_LIGHT) {
             Mask triangle = light_is(emitters, SITE_TRIANGLE, i, f);
             Real second, third;
             sample_triangle(u, v, &second, &third);
@@ -309,7 +309,7 @@ INLINE void sample_area(const Emitters *emitters, Index i, Real u, Real v, Vec *
                                      vec_scale(vec_of_light(emitters->edge_y, i, f), y)));
         *normal = vec_of_light(emitters->normal, i, f);
     }
-    if (f & HAS_SPHERE_LIGHT) {
+    if (f.has & HAS_SPHERE_LIGHT) {
         Mask ball = light_is(emitters, SITE_SPHERE, i, f);
         Real radius = of_light(emitters->radius, i, f);
         Vec direction = vec_scale(sample_sphere(u, v), flip_sign(real(1), radius));
@@ -391,17 +391,17 @@ INLINE void sample_near_light(
     SphereView sphere = {0};
     RectangleView rectangle = {0};
     Mask area = mask_none();
-    if (f & HAS_AREA) {
+    if (f.has & HAS_AREA) {
         area = index_of_light(emitters->slot, i, f) >= 0;
         Vec area_point = point;
         sample_area(emitters, i, u, v, &area_point, &normal, f);
         point = vec_select(area, area_point, point);
     }
-    if (f & (USE_FACING | USE_CONE))
+    if (f.use & (USE_FACING | USE_CONE))
         sphere = view_sphere(emitters, i, at, f);
-    if (f & USE_FACING)
+    if (f.use & USE_FACING)
         sample_facing(emitters, i, &sphere, u, v, &point, &normal, f);
-    if (f & USE_SOLID_ANGLE) {
+    if (f.use & USE_SOLID_ANGLE) {
         rectangle = view_rectangle(emitters, i, at, f);
         if (any(rectangle.serves))
             point = vec_select(rectangle.serves, point_of_rectangle(emitters, i, &rectangle, u, v, f), point);
@@ -413,19 +413,19 @@ INLINE void sample_near_light(
     Real cosine = -vec_dot(normal, s->wi);
     Real inverse = inverse_pdf_w_point(emitters, i, inverse_dd, cosine, &sphere, &rectangle, f);
     Mask shines = area & (cosine > real(0));
-    if (f & (HAS_FLAT_LIGHT | HAS_TRIANGLE_LIGHT)) { /* none sees itself, however its cosine is rounded */
+    if (f.has & (HAS_FLAT_LIGHT | HAS_MESH_LIGHT)) { /* none sees itself, however its cosine is rounded */
         Mask itself = index_of_light(emitters->slot, i, f) == at->slot;
-        if (f & HAS_SPHERE_LIGHT)
+        if (f.has & HAS_SPHERE_LIGHT)
             itself = and_not(itself, light_is(emitters, SITE_SPHERE, i, f));
         shines = and_not(shines, itself);
     }
-    if (f & USE_CONE) {
+    if (f.use & USE_CONE) {
         Mask meets = sample_sphere_cone(emitters, i, at, &sphere, u, v, s, f);
         shines = index_select(sphere.outside, meets & (of_light(emitters->radius, i, f) > real(0)), shines);
     }
     s->inverse_pdf_w = only(shines, inverse);
     s->weight = vec_all(select(area, s->inverse_pdf_w, inverse_dd));
-    if (f & HAS_SPOT)
+    if (f.has & HAS_SPOT)
         s->weight = vec_scale(s->weight, falloff_of(emitters, i, s->wi, f));
 }
 
@@ -434,18 +434,18 @@ STAGE LightSample sample_light_point(
     const Emitters *emitters, Index i, Real inverse_choice, const Receiver *at, Real u, Real v, Features f)
 {
     LightSample s = {vec_all(real(0)), real(NUM_MAX), vec_all(real(0)), real(0), index_of(-1), i};
-    if (f & (HAS_AREA | HAS_POINT | HAS_SPOT))
+    if (f.has & (HAS_AREA | HAS_POINT | HAS_SPOT))
         sample_near_light(emitters, i, at, u, v, &s, f);
-    if (f & HAS_AREA)
+    if (f.has & HAS_AREA)
         s.slot = index_of_light(emitters->slot, i, f);
-    if (f & HAS_DIRECTIONAL) {
+    if (f.has & HAS_DIRECTIONAL) {
         Mask far = light_is(emitters, SITE_DIRECTIONAL, i, f);
         s.wi = vec_select(far, vec_neg(vec_of_light(emitters->edge_x, i, f)), s.wi);
         s.distance = select(far, real(NUM_MAX), s.distance);
         s.weight = vec_select(far, vec_all(real(1)), s.weight);
         s.inverse_pdf_w = only(mask_not(far), s.inverse_pdf_w);
     }
-    if (f & HAS_CONSTANT) {
+    if (f.has & HAS_CONSTANT) {
         Mask sky = light_is(emitters, SITE_CONSTANT, i, f);
         s.wi = vec_select(sky, sample_sphere(u, v), s.wi);
         s.distance = select(sky, real(NUM_MAX), s.distance);

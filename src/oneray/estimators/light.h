@@ -30,7 +30,7 @@ INLINE void emit_point(const Emitters *emitters, Index i, const Real way[2], Sta
     Mask point = light_is(emitters, SITE_POINT, i, f), spot = light_is(emitters, SITE_SPOT, i, f);
     Vec d = sample_sphere(way[0], way[1]);
     Real flux = real(1) / pdf_w_sphere();
-    if (f & HAS_SPOT) {
+    if (f.has & HAS_SPOT) {
         Real extent = of_light(emitters->radius, i, f);
         Vec axis = vec_of_light(emitters->edge_x, i, f);
         Vec in_cone = vec_from_frame(axis, sample_cone(way[0], way[1], extent));
@@ -51,7 +51,7 @@ INLINE void emit_far(
     Mask sun = light_is(emitters, SITE_DIRECTIONAL, i, f), sky = light_is(emitters, SITE_CONSTANT, i, f);
     Real x, y, radius = real(emitters->world_radius);
     Vec d = sample_sphere(way[0], way[1]);
-    if (f & HAS_DIRECTIONAL)
+    if (f.has & HAS_DIRECTIONAL)
         d = vec_select(sun, vec_of_light(emitters->edge_x, i, f), d);
     sample_disk(place[0], place[1], &x, &y);
     Vec across = vec_from_frame(d, vec(x * radius, y * radius, -radius));
@@ -74,11 +74,11 @@ STAGE void start_at_light(Start *start, const Scene *scene, Features f)
     start->roulette = choice.u[2];
     start->ray = (Ray){vec_all(real(0)), vec_all(real(1)), real(NUM_MAX), index_of(-1)};
     start->flux = vec_all(real(0));
-    if (f & HAS_AREA)
+    if (f.has & HAS_AREA)
         emit_area(emitters, i, place, way, start, f);
-    if (f & (HAS_POINT | HAS_SPOT))
+    if (f.has & (HAS_POINT | HAS_SPOT))
         emit_point(emitters, i, way, start, f);
-    if (f & (HAS_DIRECTIONAL | HAS_CONSTANT))
+    if (f.has & (HAS_DIRECTIONAL | HAS_CONSTANT))
         emit_far(emitters, i, place, way, start, f);
     start->flux = vec_scale(vec_mul(start->flux, vec_of_light(emitters->emission, i, f)), inverse_choice);
 }
@@ -119,7 +119,7 @@ INLINE void join_eye(
     Ray shadow = {s->p, eye.wi, eye.to_near, s->slot};
     Mask arrives = and_not(active, shapes_occluded(&scene->shapes, &shadow, active, index_of(-1), f));
     Vec flux = vec_mul(path->flux, vec_mul(path->throughput, eval_diffuse(s)));
-    if (f & HAS_SMOOTH)
+    if (f.has & HAS_SMOOTH)
         flux = vec_scale(flux, face_over_shading(s, eye.wi));
     Index x = real_floor(only(arrives, eye.x)), y = real_floor(only(arrives, eye.y));
     add_splats(splats, items, y * scene->width + x, vec_scale(flux, cosine * eye.weight), arrives);
@@ -135,14 +135,14 @@ STAGE void light_step(Path *path, const Scene *scene, const size_t items[], Spla
     path->alive &= (hit.slot >= index_of(0)) & (path->depth + 1 < index_of(scene->max_depth));
     if (!any(path->alive))
         return;
-    if (f & HAS_SMOOTH) {
+    if (f.has & HAS_SMOOTH) {
         Real arriving = select(surface.cos_face > real(0), surface.cos_o / surface.cos_face, real(0));
         path->flux = vec_scale(path->flux, arriving);
     }
     join_eye(path, scene, &surface, and_not(path->alive, surface.specular), items, splats, f);
     Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
     bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
-    if (f & HAS_SMOOTH)
+    if (f.has & HAS_SMOOTH)
         path->flux = vec_scale(path->flux, face_over_shading(&surface, path->ray.d));
 }
 

@@ -54,13 +54,13 @@ INLINE void path_start(Path *path, Mask fresh)
 INLINE Uniforms choices(const Path *path, Features f)
 {
     Uniforms none = {{real(0)}};
-    return f & (HAS_MANY_LIGHTS | HAS_BLEND) ? random_block(&path->rng, path->depth, DIMENSION_CHOICE, f) : none;
+    return f.has & (HAS_MANY_LIGHTS | HAS_BLEND) ? random_block(&path->rng, path->depth, DIMENSION_CHOICE, f) : none;
 }
 
 /* What light that meets the path here counts for in its pixel. */
 INLINE Vec path_weight(const Path *path, Features f)
 {
-    return f & HAS_DIELECTRIC ? vec_scale(path->throughput, path->compression) : path->throughput;
+    return f.has & HAS_DIELECTRIC ? vec_scale(path->throughput, path->compression) : path->throughput;
 }
 
 /* How much of the light that the ray has hit counts. L7 walk: all of it. L10 next event estimation has
@@ -69,9 +69,9 @@ INLINE Vec path_weight(const Path *path, Features f)
    here. */
 INLINE Real weight_of_hit(const Path *path, Real inverse_pdf_w, Features f)
 {
-    if (!(f & USE_NEE))
+    if (!(f.use & USE_NEE))
         return real(1);
-    if (!(f & USE_MIS))
+    if (!(f.use & USE_MIS))
         return select(path->specular, real(1), real(0));
     return select(path->specular, real(1), real(1) - mis_weight_light(path->pdf_w * inverse_pdf_w, f));
 }
@@ -80,7 +80,7 @@ INLINE Real weight_of_hit(const Path *path, Real inverse_pdf_w, Features f)
 INLINE Real inverse_pdf_w_light(
     const Path *path, const Scene *scene, Index i, Real distance, Real cosine, Features f)
 {
-    if (!(f & USE_MIS))
+    if (!(f.use & USE_MIS))
         return real(0);
     Receiver at = {path->ray.o, path->n, path->ray.from};
     return inverse_pdf_w_hit(&scene->emitters, i, &at, distance, cosine, f)
@@ -94,7 +94,7 @@ INLINE Vec surface_light_met(
     const Emitters *emitters = &scene->emitters;
     Vec emission = vec_of(emitters->emission[0]);
     Mask shines = hit.slot == index_of(emitters->slot[0]);
-    if (f & HAS_MANY_LIGHTS) {
+    if (f.has & HAS_MANY_LIGHTS) {
         emission = vec_gather((const Num(*)[3])emitters->slot_emission, s->of);
         shines = (hit.slot >= 0) & (vec_max(emission) > real(0));
     }
@@ -102,9 +102,9 @@ INLINE Vec surface_light_met(
     if (!any(shines))
         return vec_all(real(0));
     Index i = index_of(0);
-    if (f & HAS_MANY_LIGHTS)
+    if (f.has & HAS_MANY_LIGHTS)
         i = gather_index(emitters->slot_light, s->of);
-    if ((f & HAS_MANY_LIGHTS) && (f & HAS_TRIANGLE_LIGHT)) {
+    if ((f.has & HAS_MANY_LIGHTS) && (f.has & HAS_MESH_LIGHT)) {
         i = i + index_select(s->slot == s->of, index_of(0), s->slot);
         i = index_select(shines, i, index_of(0));
     }
@@ -119,7 +119,7 @@ INLINE Vec environment_met(const Path *path, const Scene *scene, Hit hit, Featur
     if (!any(missed))
         return vec_all(real(0));
     Real inverse_pdf_w = real(0);
-    if (f & USE_MIS) {
+    if (f.use & USE_MIS) {
         Receiver at = {path->ray.o, path->n, path->ray.from};
         Index i = index_of(scene->emitters.environment_light);
         inverse_pdf_w = inverse_choice_of(&scene->emitters, &at, i, f) / pdf_w_sphere();
@@ -131,11 +131,11 @@ INLINE Vec environment_met(const Path *path, const Scene *scene, Hit hit, Featur
 STAGE Vec light_met(const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
 {
     Vec light = vec_all(real(0));
-    if (f & HAS_AREA)
+    if (f.has & HAS_AREA)
         light = surface_light_met(path, scene, hit, s, front, f);
-    if (f & HAS_CONSTANT)
+    if (f.has & HAS_CONSTANT)
         light = vec_add(light, environment_met(path, scene, hit, f));
-    if (f & HAS_HIDDEN) /* the environment; a camera ray meets no other light */
+    if (f.has & HAS_HIDDEN) /* the environment; a camera ray meets no other light */
         light = vec_only(path->depth > index_of(0), light);
     return light;
 }
@@ -144,7 +144,7 @@ STAGE Vec light_met(const Path *path, const Scene *scene, Hit hit, const Surface
    make the second moment grow as (albedo²/cap)^k. */
 INLINE Real survival(const Scene *scene, Vec throughput, Index depth, Features f)
 {
-    if (!(f & USE_ROULETTE))
+    if (!(f.use & USE_ROULETTE))
         return real(1);
     Real q = real_min(real(1), vec_max(throughput));
     return select(depth >= index_of(scene->rr_depth), q, real(1));
@@ -156,7 +156,7 @@ INLINE Real survival(const Scene *scene, Vec throughput, Index depth, Features f
 INLINE Real pdf_w_bounce(const Path *path, const Scene *scene, const Surface *s, Real cosine, Features f)
 {
     Real pdf_w = pdf_w_diffuse(s, cosine, f);
-    if (!(f & USE_SURVIVAL_PDF))
+    if (!(f.use & USE_SURVIVAL_PDF))
         return pdf_w;
     Vec throughput = vec_mul(path->throughput, factor_diffuse(s, cosine, f));
     return pdf_w * survival(scene, throughput, path->depth + 1, f);
@@ -171,7 +171,7 @@ STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask act
     LightSample sample = sample_light(&scene->emitters, &at, choice, point, f);
     Real cosine = vec_dot(s->n, sample.wi);
     Vec light = vec_scale(vec_mul(eval_diffuse(s), sample.weight), cosine);
-    if (f & USE_MIS) {
+    if (f.use & USE_MIS) {
         Real pdf_w = pdf_w_bounce(path, scene, s, cosine, f);
         light = vec_scale(light, mis_weight_light(pdf_w * sample.inverse_pdf_w, f));
     }
@@ -182,7 +182,7 @@ STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask act
     Ray shadow = {s->p, sample.wi, sample.distance, s->slot};
     Mask arrives = and_not(active, shapes_occluded(&scene->shapes, &shadow, active, sample.slot, f));
     path->radiance = vec_add(path->radiance, vec_only(arrives, vec_mul(path_weight(path, f), light)));
-    if ((f & USE_LEARNED) && scene->lesson)
+    if ((f.use & USE_LEARNED) && scene->lesson)
         learn_visibility(scene->lesson, &scene->emitters.tree, s->p, sample.emitter, active, arrives);
 }
 
@@ -197,18 +197,18 @@ STAGE void bounce(
     path->pdf_w = scatter.pdf_w;
     path->specular = scatter.specular;
     path->n = s->n;
-    if (f & HAS_DIELECTRIC)
+    if (f.has & HAS_DIELECTRIC)
         path->compression = path->compression * scatter.compression;
     path->ray = (Ray){s->p, scatter.wi, real(NUM_MAX), s->slot};
     path->depth += 1;
     path->alive &= vec_max(path->throughput) > real(0);
-    if (f & USE_ROULETTE) {
+    if (f.use & USE_ROULETTE) {
         Real q = survival(scene, path->throughput, path->depth, f);
         Real inverse_q = real(1) / q;
         path->alive &= path->roulette < q;
         path->roulette = path->roulette * inverse_q;
         path->throughput = vec_scale(path->throughput, inverse_q);
-        if (f & USE_SURVIVAL_PDF)
+        if (f.use & USE_SURVIVAL_PDF)
             path->pdf_w = path->pdf_w * q;
     }
 }
@@ -219,25 +219,25 @@ STAGE void bounce(
 STAGE void path_step(Path *path, const Scene *scene, Features f)
 {
     path->rays += path->alive;
-    Mask hiding = f & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
+    Mask hiding = f.has & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
     Hit hit = shapes_hit(&scene->shapes, &path->ray, path->alive, hiding, f);
     Mask front;
     Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
-    if (f & (HAS_AREA | HAS_CONSTANT)) {
+    if (f.has & (HAS_AREA | HAS_CONSTANT)) {
         Vec light = light_met(path, scene, hit, &surface, front, f);
         path->radiance = vec_add(path->radiance, vec_mul(path_weight(path, f), light));
     }
     path->alive &= (hit.slot >= index_of(0)) & (path->depth + 1 < index_of(scene->max_depth));
-    if (f & USE_LIGHT_PATHS) { /* the rest is theirs, unless it is in a mirror */
+    if (f.use & USE_LIGHT_PATHS) { /* the rest is theirs, unless it is in a mirror */
         path->unreachable = path->alive & (surface.specular | (surface.share < real(1)));
         path->alive = mask_none();
     }
-    if (!(f & (HAS_DIELECTRIC | HAS_BLEND)))
+    if (!(f.has & (HAS_DIELECTRIC | HAS_BLEND)))
         path->alive &= vec_max(surface.albedo) > real(0);
     if (!any(path->alive))
         return;
     Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
-    if (f & USE_NEE)
+    if (f.use & USE_NEE)
         next_event(path, scene, &surface, and_not(path->alive, surface.specular), choice.u, random.u, f);
     bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
 }

@@ -9,11 +9,12 @@
 #include <string.h>
 #include <sys/resource.h>
 
-static const char *const feature_words[] = {
-#define X(name, words) words,
-    FEATURES(X)
-#undef X
+static const char *const has_words[] = {
+#define X(NAME, name, words) words,
+    KINDS(X)
 };
+static const char *const use_words[] = {USES(X)};
+#undef X
 
 /* A text as a JSON string. */
 static void json_text(FILE *stream, const char *text)
@@ -29,15 +30,22 @@ static void json_text(FILE *stream, const char *text)
     fputc('"', stream);
 }
 
-static void json_features(FILE *stream, const char *name, Features features)
+/* Words of the bits of a mask; returns what stands before the next one. */
+static const char *json_words(
+    FILE *stream, const char *comma, uint64_t bits, const char *const words[], int count)
 {
-    const char *comma = "";
-    fprintf(stream, "  \"%s\": [", name);
-    for (int i = 0; i < FEATURE_COUNT; i++)
-        if (features >> i & 1) {
-            fprintf(stream, "%s\"%s\"", comma, feature_words[i]);
+    for (int i = 0; i < count; i++)
+        if (bits >> i & 1) {
+            fprintf(stream, "%s\"%s\"", comma, words[i]);
             comma = ", ";
         }
+    return comma;
+}
+
+static void json_features(FILE *stream, const char *name, Features f)
+{
+    fprintf(stream, "  \"%s\": [", name);
+    json_words(stream, json_words(stream, "", f.has, has_words, HAS_COUNT), f.use, use_words, USE_COUNT);
     fprintf(stream, "],\n");
 }
 
@@ -63,8 +71,9 @@ static void print_stats(FILE *stream, const Options *options, const Render *r, c
         render_instance(r), kernel->precision, kernel->lanes);
     if (*options->precision_reason)
         fprintf(stream, "  \"precision_chosen_for\": \"%s\",\n", options->precision_reason);
-    json_features(stream, "features", kernel->features(r->prepared));
-    json_features(stream, "left_out", EVERY_FEATURE & ~kernel->features(r->prepared));
+    Features f = kernel->features(r->prepared);
+    json_features(stream, "features", f);
+    json_features(stream, "left_out", (Features){~f.has, ~f.use});
     fprintf(stream, "  \"technique\": \"%s\",\n  \"width\": %d,\n  \"height\": %d,\n", technique,
         w->image_width, w->image_height);
     fprintf(stream, "  \"crop\": [%d, %d, %d, %d],\n", w->x, w->y, w->width, w->height);

@@ -6,32 +6,33 @@
 #error "INSTANCES: the name of the table that this compilation defines; SPECIALISED: all of it inline"
 #endif
 
-#define ROOM (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT | USE_ROULETTE)
+#define ROOM (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT)
 #define ROUND (HAS_SPHERE | HAS_DISK)
-#define CHOICE (HAS_MANY_LIGHTS | USE_CONTRIBUTION)
-#define MIS (USE_NEE | USE_MIS | USE_COSINE)
+#define MIS (USE_NEE | USE_MIS | USE_COSINE | USE_ROULETTE)
+#define PANELS (MIS | USE_SOLID_ANGLE)
 
+/* Name, what the scene may have, what the technique uses. */
 /* clang-format off */
 #ifndef LIST
 #define LIST(X)                                                                                              \
-    X(room,   ROOM | MIS | USE_SOLID_ANGLE)                                                                  \
-    X(ball,   ROOM | MIS | USE_CONE | HAS_SPHERE | HAS_SPHERE_LIGHT)                                         \
-    X(glass,  ROOM | MIS | USE_SOLID_ANGLE | ROUND | HAS_CONDUCTOR | HAS_DIELECTRIC)                         \
-    X(many,   ROOM | MIS | USE_SOLID_ANGLE | CHOICE | HAS_TREE)                                              \
-    X(mesh,   ROOM | MIS | USE_SOLID_ANGLE | HAS_TRIANGLE | HAS_SMOOTH)                                      \
-    X(walk,   ROOM | USE_COSINE | ROUND)                                                                     \
-    X(room_sobol, ROOM | MIS | USE_SOLID_ANGLE | USE_SOBOL)
+    X(room,  ROOM,                                            PANELS)                                        \
+    X(ball,  ROOM | HAS_SPHERE | HAS_SPHERE_LIGHT,            MIS | USE_CONE)                                \
+    X(glass, ROOM | ROUND | HAS_CONDUCTOR | HAS_DIELECTRIC,   PANELS)                                        \
+    X(many,  ROOM | HAS_MANY_LIGHTS | HAS_TREE,               PANELS | USE_CONTRIBUTION)                     \
+    X(mesh,  ROOM | HAS_MESH | HAS_SMOOTH,                    PANELS)                                        \
+    X(walk,  ROOM | ROUND,                                    USE_COSINE | USE_ROULETTE)                     \
+    X(room_sobol, ROOM,                                       PANELS | USE_SOBOL)
 #endif
 /* clang-format on */
 
-#define X(name, set)                                                                                         \
+#define X(name, has, use)                                                                                    \
     static void render_##name(const Scene *scene, const Job *job, Counters *counters)                        \
     {                                                                                                        \
-        render_instance(scene, job, counters, set);                                                          \
+        trace(scene, job, counters, (Features){has, use});                                                   \
     }
 LIST(X)
 #undef X
 
-#define X(name, set) {#name, set, render_##name},
-const Instance INSTANCES[] = {LIST(X){NULL, 0, NULL}};
+#define X(name, has, use) {#name, {has, use}, render_##name},
+const Instance INSTANCES[] = {LIST(X){NULL, {0, 0}, NULL}};
 #undef X

@@ -10,14 +10,22 @@
 
 static void render_generic(const Scene *scene, const Job *job, Counters *counters)
 {
-    render_instance(scene, job, counters, scene->features);
+    trace(scene, job, counters, scene->features);
 }
+
+#ifdef INSTANCES
+static int serves(Features set, Features wanted)
+{
+    return !(wanted.has & ~set.has) && !(wanted.use & ~set.use) && !((wanted.has ^ set.has) & EXACTLY_HAS)
+           && !((wanted.use ^ set.use) & EXACTLY_USE);
+}
+#endif
 
 static Instance instance_for(Features wanted)
 {
 #ifdef INSTANCES
     for (const Instance *i = INSTANCES; i->name; i++)
-        if (!(wanted & ~i->set) && (wanted & EXACTLY) == (i->set & EXACTLY))
+        if (serves(i->set, wanted))
             return *i;
 #endif
     return (Instance){"generic", wanted, render_generic};
@@ -65,7 +73,7 @@ static void learn(Scene *scene)
 static void *prepare_and_learn(const Description *description, const Technique *technique)
 {
     Scene *scene = prepare(description, technique);
-    if (scene->features & USE_LEARNED)
+    if (scene->features.use & USE_LEARNED)
         learn(scene);
     return scene;
 }

@@ -33,7 +33,7 @@ STAGE void make_starts(Queue *queue, const Scene *scene, const Job *job, Feature
             queue->y++;
         }
     }
-    if ((f & USE_LIGHT_PATHS) && job->splats)
+    if ((f.use & USE_LIGHT_PATHS) && job->splats)
         start_at_light(&queue->start, scene, f);
     else
         start_at(&queue->start, scene, x, y, f);
@@ -58,9 +58,9 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
         COPY_LANE(ray.o.x), COPY_LANE(ray.o.y), COPY_LANE(ray.o.z);
         COPY_LANE(ray.d.x), COPY_LANE(ray.d.y), COPY_LANE(ray.d.z);
         COPY_LANE(ray.tmax), COPY_LANE(ray.from);
-        if (f & USE_ROULETTE)
+        if (f.use & USE_ROULETTE)
             COPY_LANE(roulette);
-        if (f & USE_LIGHT_PATHS)
+        if (f.use & USE_LIGHT_PATHS)
             COPY_LANE(flux.x), COPY_LANE(flux.y), COPY_LANE(flux.z);
         (void)used;
     }
@@ -89,7 +89,7 @@ INLINE void note_pixel(const Path *path, Mask lanes, int64_t *pixel)
         *pixel = (int64_t)LANE(path->rng.pixel, lowest_lane(bits));
 }
 
-INLINE void render_instance(const Scene *scene, const Job *job, Counters *counters, Features f)
+INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Features f)
 {
     Path path;
     memset(&path, 0, sizeof path);
@@ -109,13 +109,13 @@ INLINE void render_instance(const Scene *scene, const Job *job, Counters *counte
             refill(&path, &queue, scene, job, &busy, f);
         if (!any(busy))
             break;
-        if ((f & USE_LIGHT_PATHS) && job->splats)
+        if ((f.use & USE_LIGHT_PATHS) && job->splats)
             light_step(&path, scene, queue.item, job->splats, f);
         else
             path_step(&path, scene, f);
         Mask endless = path.alive & (path.depth + 1 >= index_of(PATH_LIMIT));
         note_pixel(&path, endless, &counters->endless);
-        if (f & USE_LIGHT_PATHS)
+        if (f.use & USE_LIGHT_PATHS)
             note_pixel(&path, path.unreachable, &counters->unreachable);
         path.alive = and_not(path.alive, endless);
         collect(&path, &queue, job, &busy);

@@ -86,7 +86,7 @@ STAGE Uniforms sobol_block(const Rng *rng, Index vertex, int dimension)
 /* Four numbers for a vertex of the path. */
 STAGE Uniforms random_block(const Rng *rng, Index vertex, int dimension, Features f)
 {
-    return f & USE_SOBOL ? sobol_block(rng, vertex, dimension) : rng_block(rng, vertex, dimension);
+    return f.use & USE_SOBOL ? sobol_block(rng, vertex, dimension) : rng_block(rng, vertex, dimension);
 }
 
 #endif

@@ -45,16 +45,16 @@ STAGE Surface surface_at(
     s.of = row_of_slot(shapes, s.slot, f);
     shapes_surface(shapes, ray, s.slot, s.of, hit.t, &s.p, &n, &s.face, f);
     s.wo = vec_neg(ray->d);
-    Real cosine = vec_dot(n, s.wo), of_face = f & HAS_SMOOTH ? vec_dot(s.face, s.wo) : cosine;
+    Real cosine = vec_dot(n, s.wo), of_face = f.has & HAS_SMOOTH ? vec_dot(s.face, s.wo) : cosine;
     *front = of_face > real(0);
     s.cos_face = real_abs(of_face);
     s.n = vec_scale(n, flip_sign(real(1), cosine));
     s.cos_o = real_abs(cosine);
     s.row = s.of * 2 + index_select(cosine > real(0), index_of(0), index_of(1));
     s.albedo = vec_gather((const Num(*)[3])materials->albedo, s.row);
-    s.share = f & HAS_BLEND ? gather(materials->share, s.row) : real(1);
-    s.specular = f & HAS_SPECULAR ? mask_all() : mask_none();
-    if ((f & HAS_SPECULAR) && (f & HAS_DIFFUSE))
+    s.share = f.has & HAS_BLEND ? gather(materials->share, s.row) : real(1);
+    s.specular = f.has & HAS_SPECULAR ? mask_all() : mask_none();
+    if ((f.has & HAS_SPECULAR) && (f.has & HAS_DIFFUSE))
         s.specular = gather_index(materials->kind, s.row) != index_of(MATERIAL_DIFFUSE);
     return s;
 }
@@ -65,13 +65,13 @@ STAGE Surface surface_at(
 INLINE Vec eval_diffuse(const Surface *s) { return vec_scale(s->albedo, REAL_INV_PI); }
 INLINE Real pdf_w_diffuse(const Surface *s, Real cosine, Features f)
 {
-    Real pdf_w = f & USE_COSINE ? pdf_w_hemisphere_cosine(cosine) : pdf_w_hemisphere_uniform();
-    return f & HAS_BLEND ? pdf_w * s->share : pdf_w;
+    Real pdf_w = f.use & USE_COSINE ? pdf_w_hemisphere_cosine(cosine) : pdf_w_hemisphere_uniform();
+    return f.has & HAS_BLEND ? pdf_w * s->share : pdf_w;
 }
 INLINE Vec factor_diffuse(const Surface *s, Real cosine, Features f)
 {
-    Vec albedo = f & HAS_BLEND ? vec_scale(s->albedo, real(1) / s->share) : s->albedo;
-    return f & USE_COSINE ? albedo : vec_scale(albedo, real(2) * cosine);
+    Vec albedo = f.has & HAS_BLEND ? vec_scale(s->albedo, real(1) / s->share) : s->albedo;
+    return f.use & USE_COSINE ? albedo : vec_scale(albedo, real(2) * cosine);
 }
 
 /* A direction that the walk goes on by. */
@@ -86,7 +86,7 @@ typedef struct {
 /* L8, L9 One ray over the hemisphere. */
 INLINE Scatter sample_diffuse(const Surface *s, Real u, Real v, Features f)
 {
-    Vec local = f & USE_COSINE ? sample_hemisphere_cosine(u, v) : sample_hemisphere_uniform(u, v);
+    Vec local = f.use & USE_COSINE ? sample_hemisphere_cosine(u, v) : sample_hemisphere_uniform(u, v);
     return (Scatter){vec_from_frame(s->n, local), factor_diffuse(s, local.z, f),
         pdf_w_diffuse(s, local.z, f), mask_none(), real(1)};
 }
@@ -112,7 +112,7 @@ INLINE void sample_conductor(const Materials *materials, const Surface *s, Index
 {
     scatter->wi = mirrored(s);
     scatter->factor = albedo;
-    if (!(f & HAS_FRESNEL))
+    if (!(f.has & HAS_FRESNEL))
         return;
     Vec eta = vec_gather((const Num(*)[3])materials->eta, row);
     Vec k = vec_gather((const Num(*)[3])materials->k, row);
@@ -154,7 +154,7 @@ INLINE void sample_dielectric(const Materials *materials, const Surface *s, Inde
     Scatter *scatter, Features f)
 {
     Real ratio = gather(&materials->eta[0][0], row * 3), c = s->cos_o, c_t = refracted_cosine(c, ratio);
-    Real transmittance = f & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
+    Real transmittance = f.use & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
     Mask reflects = real(1) - u >= transmittance;
     Vec refracted = vec_sub(vec_scale(s->n, ratio * c - c_t), vec_scale(s->wo, ratio));
     Vec tint = vec_gather((const Num(*)[3])materials->k, row);
@@ -185,24 +185,24 @@ STAGE Scatter sample_material(
     const Materials *materials, const Surface *s, Real part, const Real u[2], Features f)
 {
     Scatter scatter = {s->n, s->albedo, real(0), s->specular, real(1)};
-    if (f & HAS_DIFFUSE)
+    if (f.has & HAS_DIFFUSE)
         scatter = sample_diffuse(s, u[0], u[1], f);
-    if (!(f & HAS_SPECULAR))
+    if (!(f.has & HAS_SPECULAR))
         return scatter;
     Index row = s->row;
     Vec albedo = s->albedo;
     Mask specular = s->specular;
-    if (f & HAS_BLEND) {
+    if (f.has & HAS_BLEND) {
         row = choose_layer(materials, s, part);
         albedo = vec_gather((const Num(*)[3])materials->albedo, row);
         specular = gather_index(materials->kind, row) != index_of(MATERIAL_DIFFUSE);
     }
     Scatter delta = scatter;
-    if (f & HAS_CONDUCTOR)
+    if (f.has & HAS_CONDUCTOR)
         sample_conductor(materials, s, row, albedo, &delta, f);
-    if (f & HAS_DIELECTRIC) {
+    if (f.has & HAS_DIELECTRIC) {
         Scatter boundary = delta;
-        Mask glass = f & HAS_CONDUCTOR ? gather_index(materials->kind, row) == index_of(MATERIAL_DIELECTRIC)
+        Mask glass = f.has & HAS_CONDUCTOR ? gather_index(materials->kind, row) == index_of(MATERIAL_DIELECTRIC)
                                        : mask_all();
         if (any(glass))
             sample_dielectric(materials, s, row, albedo, u[0], &boundary, f);

@@ -259,7 +259,7 @@ static void prepare_emitters(
             else
                 prepare_delta(emitters, light, site);
         }
-    if (scene->features & USE_CONTRIBUTION)
+    if (scene->features.use & USE_CONTRIBUTION)
         prepare_tree(scene);
     else if (emitters->count)
         prepare_choice(scene, power, technique->light_choice);

@@ -107,11 +107,11 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
                     * (size_t)parts_of(d, side ? d->shapes[i].back : d->shapes[i].front, 1, NULL);
     m->albedo = keep(scene, rows, sizeof *m->albedo);
     m->kind = keep(scene, rows, sizeof *m->kind);
-    if (scene->features & (HAS_FRESNEL | HAS_DIELECTRIC)) {
+    if (scene->features.has & (HAS_FRESNEL | HAS_DIELECTRIC)) {
         m->eta = keep(scene, rows, sizeof *m->eta);
         m->k = keep(scene, rows, sizeof *m->k);
     }
-    if (scene->features & HAS_BLEND) {
+    if (scene->features.has & HAS_BLEND) {
         m->share = keep(scene, rows, sizeof *m->share);
         m->next = keep(scene, rows, sizeof *m->next);
     }

@@ -37,13 +37,13 @@ static void prepare_camera(Camera *camera, const Sensor *sensor)
     camera->film_area = (Num)area;
 }
 
-static Features features_of_emitter(const Description *d, const Emitter *light)
+static uint64_t features_of_emitter(const Description *d, const Emitter *light)
 {
     switch (light->kind) {
     case EMITTER_AREA:
         switch (d->shapes[light->shape].kind) {
         case SHAPE_SPHERE: return HAS_AREA | HAS_SPHERE_LIGHT;
-        case SHAPE_MESH: return HAS_AREA | HAS_TRIANGLE_LIGHT;
+        case SHAPE_MESH: return HAS_AREA | HAS_MESH_LIGHT;
         default: return HAS_AREA | HAS_FLAT_LIGHT;
         }
     case EMITTER_POINT: return HAS_POINT;
@@ -53,7 +53,7 @@ static Features features_of_emitter(const Description *d, const Emitter *light)
     }
 }
 
-static Features features_of_material(const Description *d, int index)
+static uint64_t features_of_material(const Description *d, int index)
 {
     if (index == MATERIAL_NONE)
         return 0;
@@ -68,12 +68,12 @@ static Features features_of_material(const Description *d, int index)
 }
 
 /* What the technique does with lights of these kinds. */
-static Features features_of_sampling(const Technique *technique, Features has)
+static uint64_t uses_of_lights(const Technique *technique, Features features)
 {
-    Features f = USE_NEE;
+    uint64_t f = USE_NEE, has = features.has;
     if (technique->estimator == ESTIMATOR_MIS && (has & (HAS_AREA | HAS_CONSTANT))) {
         f |= USE_MIS | (technique->mis == MIS_BALANCE ? USE_BALANCE : 0);
-        if (technique->mis_pdf == MIS_PDF_SURVIVAL && (has & USE_ROULETTE))
+        if (technique->mis_pdf == MIS_PDF_SURVIVAL && (features.use & USE_ROULETTE))
             f |= USE_SURVIVAL_PDF;
     }
     if ((has & HAS_MANY_LIGHTS) && technique->light_choice >= LIGHT_CHOICE_CONTRIBUTION)
@@ -90,36 +90,36 @@ static Features features_of_sampling(const Technique *technique, Features has)
 /* The feature mask: what the scene has, and what the technique does with it. */
 static Features features_of(const Description *d, const Technique *technique)
 {
-    const Features of_kind[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE, HAS_TRIANGLE};
-    Features f = 0;
+    const uint64_t of_kind[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE, HAS_MESH};
+    Features f = {0, 0};
     int emitters = 0;
     for (int i = 0; i < d->shape_count; i++) {
-        f |= aligned_axis(&d->shapes[i]) < 0 ? of_kind[d->shapes[i].kind] : HAS_ALIGNED;
-        f |= d->shapes[i].smooth ? HAS_SMOOTH : 0;
-        f |= features_of_material(d, d->shapes[i].front) | features_of_material(d, d->shapes[i].back);
+        f.has |= aligned_axis(&d->shapes[i]) < 0 ? of_kind[d->shapes[i].kind] : HAS_ALIGNED;
+        f.has |= d->shapes[i].smooth ? HAS_SMOOTH : 0;
+        f.has |= features_of_material(d, d->shapes[i].front) | features_of_material(d, d->shapes[i].back);
     }
     if (count_primitives(d) > LOOP_MOST)
-        f |= HAS_TREE;
+        f.has |= HAS_TREE;
     for (int i = 0; i < d->emitter_count; i++) {
-        f |= emitter_has_power(&d->emitters[i]) ? features_of_emitter(d, &d->emitters[i]) : 0;
+        f.has |= emitter_has_power(&d->emitters[i]) ? features_of_emitter(d, &d->emitters[i]) : 0;
         emitters += sites_of(d, &d->emitters[i]);
     }
     if (emitters > 1)
-        f |= HAS_MANY_LIGHTS;
+        f.has |= HAS_MANY_LIGHTS;
     if (d->hide_emitters)
-        f |= HAS_HIDDEN;
+        f.has |= HAS_HIDDEN;
     if (technique->hemisphere == HEMISPHERE_COSINE)
-        f |= USE_COSINE;
-    if ((f & HAS_DIELECTRIC) && technique->fresnel == FRESNEL_SCHLICK)
-        f |= USE_SCHLICK;
+        f.use |= USE_COSINE;
+    if ((f.has & HAS_DIELECTRIC) && technique->fresnel == FRESNEL_SCHLICK)
+        f.use |= USE_SCHLICK;
     if (technique->roulette == ROULETTE_SURVIVAL && (d->max_depth < 0 || d->max_depth > d->rr_depth))
-        f |= USE_ROULETTE;
+        f.use |= USE_ROULETTE;
     if (technique->sampler == SAMPLER_SOBOL)
-        f |= USE_SOBOL;
+        f.use |= USE_SOBOL;
     if (technique->estimator == ESTIMATOR_LIGHT)
-        f |= USE_LIGHT_PATHS;
-    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0 && (f & HAS_DIFFUSE))
-        f |= features_of_sampling(technique, f);
+        f.use |= USE_LIGHT_PATHS;
+    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0 && (f.has & HAS_DIFFUSE))
+        f.use |= uses_of_lights(technique, f);
     return f;
 }
 
@@ -133,7 +133,7 @@ static void *prepare(const Description *d, const Technique *technique)
     prepare_emitters(scene, d, technique, first_slot);
     prepare_camera(&scene->camera, &d->sensor);
     scene->max_depth = d->max_depth < 0 || d->max_depth > PATH_LIMIT ? PATH_LIMIT : (Int)d->max_depth;
-    scene->rr_depth = scene->features & USE_ROULETTE ? d->rr_depth : PATH_LIMIT;
+    scene->rr_depth = scene->features.use & USE_ROULETTE ? d->rr_depth : PATH_LIMIT;
     scene->width = d->sensor.width;
     scene->height = d->sensor.height;
     free(first_slot);

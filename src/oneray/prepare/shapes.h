@@ -190,7 +190,7 @@ static void place_shapes(Scene *scene, const Description *d, int *first_slot)
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         bool flat = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_DISK;
-        bool edge = flat && !(scene->features & HAS_TREE) && at_the_edge(d, shape, bounds);
+        bool edge = flat && !(scene->features.has & HAS_TREE) && at_the_edge(d, shape, bounds);
         first_slot[i] = place_shape(s, shape, !edge, &f);
     }
     free(bounds);
@@ -230,7 +230,7 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
         }
     }
     prepare_triangles(scene, d, first_slot);
-    if (scene->features & HAS_TREE)
+    if (scene->features.has & HAS_TREE)
         prepare_shape_tree(scene, d, first_slot);
 }
 

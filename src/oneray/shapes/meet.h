@@ -119,7 +119,7 @@ STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index 
 STAGE void triangles_hit(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Hit *hit, Features f)
 {
-    unsigned hidden = f & HAS_HIDDEN ? mask_bits(hiding) : 0;
+    unsigned hidden = f.has & HAS_HIDDEN ? mask_bits(hiding) : 0;
     Beams beams;
     beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -151,13 +151,13 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
 STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
     Hit hit;
-    if (f & HAS_TREE) {
+    if (f.has & HAS_TREE) {
         hit = tree_hit(shapes, ray, active, hiding, f);
     } else {
         hit = flat_hit(shapes, ray, hiding, f);
         solid_hit(shapes, ray, hiding, &hit, f);
     }
-    if (f & HAS_TRIANGLE)
+    if (f.has & HAS_MESH)
         triangles_hit(shapes, ray, active, hiding, &hit, f);
     return hit;
 }
@@ -167,8 +167,8 @@ STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hid
 STAGE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
     Mask blocked =
-        f & HAS_TREE ? tree_blocks(shapes, ray, active, target) : each_blocks(shapes, ray, target, f);
-    if (f & HAS_TRIANGLE)
+        f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target) : each_blocks(shapes, ray, target, f);
+    if (f.has & HAS_MESH)
         blocked |= triangles_blocked(shapes, ray, and_not(active, blocked), target);
     return blocked;
 }
@@ -176,7 +176,7 @@ STAGE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, In
 /* The row of a slot in the tables by slot. */
 INLINE Index row_of_slot(const Shapes *shapes, Index slot, Features f)
 {
-    if (!(f & HAS_TRIANGLE))
+    if (!(f.has & HAS_MESH))
         return slot;
     Index i = slot - shapes->triangles.first_slot;
     Index row = gather_int32(shapes->triangles.row, index_select(i < 0, index_of(0), i));
@@ -195,9 +195,9 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
     Real offset = own[3];
     *p = met;
     *n = anchor;
-    if (f & (HAS_FLAT | HAS_CUBE))
+    if (f.has & (HAS_FLAT | HAS_CUBE))
         *p = vec_sub(*p, vec_scale(*n, vec_dot(*n, *p) - offset));
-    if (f & HAS_SPHERE) {
+    if (f.has & HAS_SPHERE) {
         Mask round = (row >= index_of(shapes->sphere_slot)) & (row < index_of(shapes->mesh_row));
         Vec from_center = vec_sub(met, anchor);
         Vec outward = vec_normalize(from_center);
@@ -206,11 +206,11 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
         *p = vec_select(round, vec_add(anchor, vec_scale(normal, offset)), *p);
     }
     *face = *n;
-    if (f & HAS_TRIANGLE) {
+    if (f.has & HAS_MESH) {
         Index i = slot - shapes->triangles.first_slot;
         Mask flat = i >= 0;
         Vec normal, plane;
-        triangle_surface(&shapes->triangles, index_select(flat, i, index_of(0)), (f & HAS_SMOOTH) && shapes->triangles.normal, &met,
+        triangle_surface(&shapes->triangles, index_select(flat, i, index_of(0)), (f.has & HAS_SMOOTH) && shapes->triangles.normal, &met,
             &normal, &plane);
         *p = vec_select(flat, met, *p);
         *n = vec_select(flat, normal, *n);

@@ -165,7 +165,7 @@ INLINE Real stretch_hit(Stretch s, Mask on) { return select(and_not(s.near > rea
 /* hide_emitters: the lanes that `hiding` names, those of camera rays, pass the shapes that shine. */
 INLINE Mask can_meet(const Shapes *shapes, int slot, Mask hiding, Features f)
 {
-    return f & HAS_HIDDEN && shapes->shines[slot] ? mask_not(hiding) : mask_all();
+    return f.has & HAS_HIDDEN && shapes->shines[slot] ? mask_not(hiding) : mask_all();
 }
 
 /* The nearest so far, t = num/den. */
@@ -210,22 +210,22 @@ INLINE void aligned_nearest(
 STAGE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
 {
     Nearest nearest = {ray->tmax, real(1), index_of(-1)};
-    if (f & HAS_ALIGNED) {
+    if (f.has & HAS_ALIGNED) {
         aligned_nearest(shapes, ray, hiding, 0, &nearest, f);
         aligned_nearest(shapes, ray, hiding, 1, &nearest, f);
         aligned_nearest(shapes, ray, hiding, 2, &nearest, f);
     }
-    if (f & HAS_RECTANGLE)
+    if (f.has & HAS_RECTANGLE)
         for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->rectangles[i], ray);
             take_nearer(&nearest, c, within_rectangle(c) & can_meet(shapes, slot, hiding, f), ray, slot);
         }
-    if (f & HAS_DISK)
+    if (f.has & HAS_DISK)
         for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_count; i++, slot++) {
             Crossing c = flat_crossing(&shapes->disks[i], ray);
             take_nearer(&nearest, c, within_disk(c) & can_meet(shapes, slot, hiding, f), ray, slot);
         }
-    return (Hit){f & (HAS_RECTANGLE | HAS_DISK) ? nearest.num / nearest.den : nearest.num, nearest.slot};
+    return (Hit){f.has & (HAS_RECTANGLE | HAS_DISK) ? nearest.num / nearest.den : nearest.num, nearest.slot};
 }
 
 /* Does the ray meet the cube or sphere, where, and which of its slots? */
@@ -257,12 +257,12 @@ INLINE void take(Hit *hit, Mask met, Hit at)
 INLINE void solid_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Hit *hit, Features f)
 {
     Hit at;
-    if (f & HAS_CUBE)
+    if (f.has & HAS_CUBE)
         for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6) {
             Mask met = cube_meets(shapes, i, slot, ray, &at);
             take(hit, met & (at.t < hit->t) & can_meet(shapes, slot, hiding, f), at);
         }
-    if (f & HAS_SPHERE)
+    if (f.has & HAS_SPHERE)
         for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++) {
             Mask met = ball_meets(shapes, i, slot, ray, &at);
             take(hit, met & (at.t < hit->t) & can_meet(shapes, slot, hiding, f), at);
@@ -315,23 +315,23 @@ INLINE Mask ball_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
 STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Features f)
 {
     Mask blocked = mask_none();
-    if (f & HAS_ALIGNED)
+    if (f.has & HAS_ALIGNED)
         blocked = aligned_blocks(shapes, ray, target, 0) | aligned_blocks(shapes, ray, target, 1)
                   | aligned_blocks(shapes, ray, target, 2);
-    if (f & HAS_RECTANGLE)
+    if (f.has & HAS_RECTANGLE)
         for (int i = 0, slot = shapes->aligned_slot[3]; i < shapes->rectangle_blocking; i++, slot++) {
             Crossing c = flat_crossing(&shapes->rectangles[i], ray);
             blocked |= flat_blocks(c, within_rectangle(c), ray, target, slot);
         }
-    if (f & HAS_DISK)
+    if (f.has & HAS_DISK)
         for (int i = 0, slot = shapes->disk_slot; i < shapes->disk_blocking; i++, slot++) {
             Crossing c = flat_crossing(&shapes->disks[i], ray);
             blocked |= flat_blocks(c, within_disk(c), ray, target, slot);
         }
-    if (f & HAS_CUBE)
+    if (f.has & HAS_CUBE)
         for (int i = 0, slot = shapes->cube_slot; i < shapes->cube_count; i++, slot += 6)
             blocked |= cube_blocks(shapes, i, slot, ray, target);
-    if (f & HAS_SPHERE)
+    if (f.has & HAS_SPHERE)
         for (int i = 0, slot = shapes->sphere_slot; i < shapes->sphere_count; i++, slot++)
             blocked |= ball_blocks(shapes, i, slot, ray, target);
     return blocked;

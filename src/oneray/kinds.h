@@ -1,0 +1,98 @@
+/* Everything that there is several kinds of. A new kind is a file in the folder of its list and a line here: from
+   these lines come the enums, the bits of the feature mask, the reader's tables of plugins, the features of a scene
+   and the places where a kernel chooses between kinds. The Makefile makes kinds/FOLDER.h, which includes the files
+   of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
+   emitters/emitter.h, sensors/sensor.h.
+
+   A line: the kind in capitals, its name in code, its words in --stats. */
+#ifndef ONERAY_KINDS_H
+#define ONERAY_KINDS_H
+
+#include <stdint.h>
+
+#define MATERIALS(X)                                                                                         \
+    X(DIFFUSE, diffuse, "diffuse")                                                                           \
+    X(CONDUCTOR, conductor, "conductor")                                                                     \
+    X(DIELECTRIC, dielectric, "dielectric")
+
+/* What a ray meets. Flat shapes are met before the others, by one division for all of them. */
+#define FLAT_SHAPES(X)                                                                                       \
+    X(ALIGNED, aligned, "rectangle along the axes")                                                          \
+    X(RECTANGLE, rectangle, "rectangle")                                                                     \
+    X(DISK, disk, "disk")
+#define SOLID_SHAPES(X)                                                                                      \
+    X(CUBE, cube, "cube")                                                                                    \
+    X(SPHERE, sphere, "sphere")
+#define SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) X(MESH, mesh, "mesh")
+
+#define EMITTERS(X)                                                                                          \
+    X(AREA, area, "area light")                                                                              \
+    X(POINT, point, "point light")                                                                           \
+    X(SPOT, spot, "spot light")                                                                              \
+    X(DIRECTIONAL, directional, "directional light")                                                         \
+    X(CONSTANT, constant, "environment")
+
+#define TEXTURES(X)
+#define MEDIA(X)
+#define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
+
+/* What a scene has besides. */
+#define TRAITS(X)                                                                                            \
+    X(SMOOTH, smooth, "interpolated normals")                                                                \
+    X(TREE, tree, "tree of many shapes")                                                                     \
+    X(FRESNEL, fresnel, "Fresnel of metals")                                                                 \
+    X(BLEND, blend, "blend of materials")                                                                    \
+    X(FLAT_LIGHT, flat_light, "flat light")                                                                  \
+    X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
+    X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
+    X(MANY_LIGHTS, many_lights, "light choice")                                                              \
+    X(HIDDEN, hidden, "hidden emitters")
+
+/* What a technique does with it (technique.h). */
+#define USES(X)                                                                                              \
+    X(NEE, nee, "next event estimation")                                                                     \
+    X(MIS, mis, "multiple importance sampling")                                                              \
+    X(BALANCE, balance, "balance heuristic")                                                                 \
+    X(SURVIVAL_PDF, survival_pdf, "survival in the pdf of MIS")                                              \
+    X(CONTRIBUTION, contribution, "light choice by contribution")                                            \
+    X(LEARNED, learned, "learned light choice")                                                              \
+    X(FACING, facing, "facing half of sphere lights")                                                        \
+    X(CONE, cone, "cone of sphere lights")                                                                   \
+    X(SOLID_ANGLE, solid_angle, "solid angle of rectangle lights")                                           \
+    X(COSINE, cosine, "cosine hemisphere")                                                                   \
+    X(ROULETTE, roulette, "roulette")                                                                        \
+    X(SCHLICK, schlick, "Schlick's Fresnel")                                                                 \
+    X(LIGHT_PATHS, light_paths, "light tracing")                                                             \
+    X(SOBOL, sobol, "Sobol' points")
+
+#define KINDS(X) SHAPES(X) MATERIALS(X) EMITTERS(X) TEXTURES(X) MEDIA(X) TRAITS(X)
+
+/* The feature mask: what a scene has and what a technique uses, a bit each. A kernel instance is compiled for a
+   constant mask; what is not in it is not in its machine code. */
+typedef struct {
+    uint64_t has, use;
+} Features;
+
+enum {
+#define X(NAME, name, words) BIT_HAS_##NAME,
+    KINDS(X) HAS_COUNT,
+#undef X
+#define X(NAME, name, words) BIT_USE_##NAME,
+    BIT_BEFORE_USES = -1,
+    USES(X) USE_COUNT
+#undef X
+};
+typedef char features_fit_their_words[HAS_COUNT <= 64 && USE_COUNT <= 64 ? 1 : -1];
+
+#define X(NAME, name, words) static const uint64_t HAS_##NAME __attribute__((unused)) = (uint64_t)1 << BIT_HAS_##NAME;
+KINDS(X)
+#undef X
+#define X(NAME, name, words) static const uint64_t USE_##NAME __attribute__((unused)) = (uint64_t)1 << BIT_USE_##NAME;
+USES(X)
+#undef X
+
+/* A bit for each kind of a list: HAS_ANY(MATERIALS). */
+#define OR_HAS(NAME, name, words) | HAS_##NAME
+#define HAS_ANY(LIST) (0 LIST(OR_HAS))
+
+#endif
