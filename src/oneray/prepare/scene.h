@@ -3,8 +3,8 @@
 #define ONERAY_PREPARE_SCENE_H
 
 #include "sensors/perspective.h"
-#include "kernel/learn.h"
-#include "materials/material.h"
+#include "emitters/lesson.h"
+#include "materials/scatter.h"
 
 typedef struct {
     Shapes shapes;
