@@ -4,7 +4,9 @@
    of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
    emitters/emitter.h, sensors/sensor.h.
 
-   A line: the kind in capitals, its name in code, its words in --stats. */
+   A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
+   what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
+   ask of it (scene/description.c). */
 #ifndef ONERAY_KINDS_H
 #define ONERAY_KINDS_H
 
@@ -16,14 +18,18 @@
     X(DIELECTRIC, dielectric, "dielectric")
 
 /* What a ray meets. Flat shapes are met before the others, by one division for all of them. */
-#define FLAT_SHAPES(X)                                                                                       \
-    X(ALIGNED, aligned, "rectangle along the axes")                                                          \
+#define ALIGNED_SHAPES(X) X(ALIGNED, aligned, "rectangle along the axes")
+#define FLAT_FILE_SHAPES(X)                                                                                  \
     X(RECTANGLE, rectangle, "rectangle")                                                                     \
     X(DISK, disk, "disk")
+#define FLAT_SHAPES(X) ALIGNED_SHAPES(X) FLAT_FILE_SHAPES(X)
 #define SOLID_SHAPES(X)                                                                                      \
     X(CUBE, cube, "cube")                                                                                    \
     X(SPHERE, sphere, "sphere")
-#define SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) X(MESH, mesh, "mesh")
+#define MESH_SHAPES(X) X(MESH, mesh, "mesh")
+#define SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
+/* What a scene file may have; a rectangle becomes an ALIGNED where it can. */
+#define FILE_SHAPES(X) FLAT_FILE_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
 
 #define EMITTERS(X)                                                                                          \
     X(AREA, area, "area light")                                                                              \
@@ -35,6 +41,19 @@
 #define TEXTURES(X)
 #define MEDIA(X)
 #define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
+
+#define X(NAME, name, words) MATERIAL_##NAME,
+typedef enum { MATERIALS(X) MATERIAL_BLEND } MaterialKind;
+#undef X
+#define X(NAME, name, words) SHAPE_##NAME,
+typedef enum { SHAPES(X) SHAPE_KINDS } ShapeKind;
+#undef X
+#define X(NAME, name, words) EMITTER_##NAME,
+typedef enum { EMITTERS(X) EMITTER_KINDS } EmitterKind;
+#undef X
+#define X(NAME, name, words) SENSOR_##NAME,
+typedef enum { SENSORS(X) SENSOR_KINDS } SensorKind;
+#undef X
 
 /* What a scene has besides. */
 #define TRAITS(X)                                                                                            \

@@ -22,7 +22,7 @@ static int parts_of(const Description *d, int material, double share, Part *part
             *parts = (Part){material, share};
         return 1;
     }
-    const Material *blend = &d->materials[material];
+    const Blend *blend = &d->materials[material].as.blend;
     int first = parts_of(d, blend->first, share * (1 - blend->weight), parts);
     return first + parts_of(d, blend->second, share * blend->weight, parts ? parts + first : NULL);
 }
@@ -35,18 +35,21 @@ static int is_specular(const Description *d, Part part)
 /* The mirror or glass of a row; side 1 is the inside. */
 static void set_specular(Materials *m, int row, const Material *material, int side)
 {
-    store(m->albedo[row], material->reflectance);
+    bool glass = material->kind == MATERIAL_DIELECTRIC;
+    const Conductor *metal = &material->as.conductor;
+    store(m->albedo[row], glass ? material->as.dielectric.specular_reflectance : metal->specular_reflectance);
     m->kind[row] = (Int)material->kind;
     if (!m->eta)
         return;
-    if (material->kind == MATERIAL_DIELECTRIC) {
-        m->eta[row][0] = (Num)(side ? material->ior : 1 / material->ior);
-        store(m->k[row], material->transmittance);
+    if (glass) {
+        double ior = dielectric_ior(&material->as.dielectric);
+        m->eta[row][0] = (Num)(side ? ior : 1 / ior);
+        store(m->k[row], material->as.dielectric.specular_transmittance);
         return;
     }
     for (int c = 0; c < 3; c++) {
-        m->eta[row][c] = (Num)material->eta[c];
-        m->k[row][c] = material->fresnel ? (Num)material->k[c] : -1;
+        m->eta[row][c] = (Num)metal->eta[c];
+        m->k[row][c] = metal->fresnel ? (Num)metal->k[c] : -1;
     }
 }
 
@@ -62,7 +65,7 @@ static int sort_parts(const Description *d, Part *parts, int count, double *diff
         }
         *diffuse += parts[i].share;
         for (int c = 0; c < 3 && parts[i].material != MATERIAL_NONE; c++)
-            albedo[c] += parts[i].share * d->materials[parts[i].material].reflectance[c];
+            albedo[c] += parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance[c];
     }
     return specular;
 }

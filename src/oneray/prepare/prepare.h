@@ -8,26 +8,28 @@
 
 static void prepare_camera(Camera *camera, const Sensor *sensor)
 {
-    double axis[3];
-    column(&sensor->to_world, 3, axis);
+    double axis[3], extent[2];
+    const Perspective *perspective = &sensor->as.perspective;
+    perspective_extent(perspective, (double)sensor->width / sensor->height, extent);
+    column(&perspective->to_world, 3, axis);
     store(camera->origin, axis);
     for (int j = 0; j < 3; j++) {
-        const double scale[3] = {sensor->tan_half_x, sensor->tan_half_y, 1};
+        const double scale[3] = {extent[0], extent[1], 1};
         Num *const to[3] = {camera->left, camera->up, camera->forward};
-        column(&sensor->to_world, j, axis);
+        column(&perspective->to_world, j, axis);
         double one = length(axis);
         for (int i = 0; i < 3; i++)
             axis[i] *= scale[j] / one;
         store(to[j], axis);
     }
-    camera->near_clip = (Num)sensor->near_clip;
-    camera->far_clip = (Num)sensor->far_clip;
+    camera->near_clip = (Num)perspective->near_clip;
+    camera->far_clip = (Num)perspective->far_clip;
     camera->pixel_width = (Num)(2.0 / sensor->width);
     camera->pixel_height = (Num)(2.0 / sensor->height);
     double area = 4;
     for (int j = 0; j < 2; j++) {
-        double half = j ? sensor->tan_half_y : sensor->tan_half_x;
-        column(&sensor->to_world, j, axis);
+        double half = extent[j];
+        column(&perspective->to_world, j, axis);
         double one = length(axis);
         for (int i = 0; i < 3; i++)
             axis[i] /= one * half;
@@ -59,10 +61,11 @@ static uint64_t features_of_material(const Description *d, int index)
         return 0;
     const Material *material = &d->materials[index];
     switch (material->kind) {
-    case MATERIAL_CONDUCTOR: return HAS_CONDUCTOR | (material->fresnel ? HAS_FRESNEL : 0);
+    case MATERIAL_CONDUCTOR: return HAS_CONDUCTOR | (material->as.conductor.fresnel ? HAS_FRESNEL : 0);
     case MATERIAL_DIELECTRIC: return HAS_DIELECTRIC;
     case MATERIAL_BLEND:
-        return HAS_BLEND | features_of_material(d, material->first) | features_of_material(d, material->second);
+        return HAS_BLEND | features_of_material(d, material->as.blend.first)
+               | features_of_material(d, material->as.blend.second);
     default: return HAS_DIFFUSE;
     }
 }
@@ -90,12 +93,12 @@ static uint64_t uses_of_lights(const Technique *technique, Features features)
 /* The feature mask: what the scene has, and what the technique does with it. */
 static Features features_of(const Description *d, const Technique *technique)
 {
-    const uint64_t of_kind[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE, HAS_MESH};
+    const uint64_t of_kind[SHAPE_KINDS] = {HAS_ALIGNED, HAS_RECTANGLE, HAS_DISK, HAS_CUBE, HAS_SPHERE, HAS_MESH};
     Features f = {0, 0};
     int emitters = 0;
     for (int i = 0; i < d->shape_count; i++) {
         f.has |= aligned_axis(&d->shapes[i]) < 0 ? of_kind[d->shapes[i].kind] : HAS_ALIGNED;
-        f.has |= d->shapes[i].smooth ? HAS_SMOOTH : 0;
+        f.has |= d->shapes[i].kind == SHAPE_MESH && d->shapes[i].as.mesh.smooth ? HAS_SMOOTH : 0;
         f.has |= features_of_material(d, d->shapes[i].front) | features_of_material(d, d->shapes[i].back);
     }
     if (count_primitives(d) > LOOP_MOST)

@@ -26,23 +26,13 @@ static Local local_of(const Affine *to_world)
     return local;
 }
 
-/* The plane of the unit shape's side where local coordinate `axis` is `at` (0 for a flat shape): outward unit
-   normal, turned over by flip_normals, and n·p. */
-static void plane_of(const Shape *shape, int axis, double at, double normal[3], double *offset)
+/* The plane of side k: unit normal, outwards unless flip_normals turns it over, and n·p. */
+static void plane_of(const Shape *shape, int k, double normal[3], double *offset)
 {
-    double a[3], b[3], c[3], p[3];
-    column(&shape->to_world, (axis + 1) % 3, a);
-    column(&shape->to_world, (axis + 2) % 3, b);
-    column(&shape->to_world, axis, c);
-    column(&shape->to_world, 3, p);
-    cross(a, b, normal);
-    double sign =
-        (at < 0 ? -1 : 1) * (dot(normal, c) < 0 ? -1 : 1) * (shape->flip_normals ? -1 : 1) / length(normal);
-    for (int i = 0; i < 3; i++) {
-        normal[i] *= sign;
-        p[i] += at * c[i];
-    }
-    *offset = dot(normal, p);
+    Side side = shape_side(shape, k);
+    for (int i = 0; i < 3; i++)
+        normal[i] = shape->as.placed.flip_normals ? -side.normal[i] : side.normal[i];
+    *offset = dot(normal, side.middle);
 }
 
 /* The axis that a rectangle's normal lies along if its sides lie along the other two, else -1. */
@@ -50,7 +40,7 @@ static int aligned_axis(const Shape *shape)
 {
     for (int axis = 0; axis < 3 && shape->kind == SHAPE_RECTANGLE; axis++) {
         int u = (axis + 1) % 3, v = (axis + 2) % 3;
-        const double(*m)[4] = shape->to_world.m;
+        const double(*m)[4] = shape->as.placed.to_world.m;
         int straight = m[u][1] == 0 && m[v][0] == 0, turned = m[u][0] == 0 && m[v][1] == 0;
         if (m[axis][0] == 0 && m[axis][1] == 0 && (straight || turned))
             return axis;
@@ -61,23 +51,20 @@ static int aligned_axis(const Shape *shape)
 static Aligned aligned_of(const Shape *shape, int axis)
 {
     int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const double(*m)[4] = shape->to_world.m;
+    const double(*m)[4] = shape->as.placed.to_world.m;
     return (Aligned){(Num)m[axis][3], (Num)m[u][3], (Num)m[v][3], (Num)(fabs(m[u][0]) + fabs(m[u][1])),
         (Num)(fabs(m[v][0]) + fabs(m[v][1]))};
 }
 
-static int slots_of(ShapeKind kind) { return kind == SHAPE_CUBE ? 6 : 1; }
+static int slots_of(ShapeKind kind) { return shape_planes(kind) ? shape_planes(kind) : 1; }
 
 static void prepare_ball(Shapes *s, const Shape *shape, int slot)
 {
     Ball *ball = &s->balls[slot - s->sphere_slot];
-    double axis[3];
-    column(&shape->to_world, 0, axis);
-    ball->radius = (Num)length(axis);
-    column(&shape->to_world, 3, axis);
-    store(ball->center, axis);
-    store(s->anchor[slot], axis);
-    s->anchor[slot][3] = shape->flip_normals ? -ball->radius : ball->radius;
+    ball->radius = (Num)shape->as.sphere.radius;
+    store(ball->center, shape->as.sphere.center);
+    store(s->anchor[slot], shape->as.sphere.center);
+    s->anchor[slot][3] = shape->as.placed.flip_normals ? -ball->radius : ball->radius;
 }
 
 static void count_shapes(Shapes *s, const Description *d, int counts[SHAPE_KINDS])
@@ -120,18 +107,19 @@ static bool at_the_edge(const Description *d, const Shape *flat, double (*bounds
 {
     Sides sides = {false, false};
     double normal[3], offset, eye[3];
-    plane_of(flat, 2, 0, normal, &offset);
+    plane_of(flat, 0, normal, &offset);
     for (int i = 0; i < d->shape_count; i++)
         if (&d->shapes[i] != flat)
             see_side(&sides, normal, offset, bounds[i][0], bounds[i][1]);
     for (int i = 0; i < d->emitter_count; i++) {
         const Emitter *light = &d->emitters[i];
-        if (light->kind == EMITTER_DIRECTIONAL || light->kind == EMITTER_CONSTANT)
+        const double *position = emitter_position(light);
+        if (emitter_from(light->kind) == FROM_AFAR || emitter_from(light->kind) == FROM_AROUND)
             return false;
-        if (light->kind != EMITTER_AREA)
-            see_side(&sides, normal, offset, light->position, light->position);
+        if (position)
+            see_side(&sides, normal, offset, position, position);
     }
-    column(&d->sensor.to_world, 3, eye);
+    sensor_origin(&d->sensor, eye);
     see_side(&sides, normal, offset, eye, eye);
     return !(sides.below && sides.above);
 }
@@ -160,14 +148,14 @@ static int place_shape(Shapes *s, const Shape *shape, bool blocks, Fillings *f)
     switch (shape->kind) {
     case SHAPE_RECTANGLE:
         place = next_place(&f->rectangles, blocks);
-        s->rectangles[place] = local_of(&shape->to_world);
+        s->rectangles[place] = local_of(&shape->as.placed.to_world);
         return s->aligned_slot[3] + place;
     case SHAPE_DISK:
         place = next_place(&f->disks, blocks);
-        s->disks[place] = local_of(&shape->to_world);
+        s->disks[place] = local_of(&shape->as.placed.to_world);
         return s->disk_slot + place;
     case SHAPE_CUBE:
-        s->cubes[s->cube_count] = local_of(&shape->to_world);
+        s->cubes[s->cube_count] = local_of(&shape->as.placed.to_world);
         return s->cube_slot + 6 * s->cube_count++;
     case SHAPE_MESH: return s->mesh_row + f->meshes++;
     default:
@@ -186,7 +174,7 @@ static void place_shapes(Scene *scene, const Description *d, int *first_slot)
         f.aligned[axis] = (Filling){s->aligned_slot[axis], s->aligned_slot[axis + 1]};
     double(*bounds)[2][3] = allocate((size_t)d->shape_count, sizeof *bounds);
     for (int i = 0; i < d->shape_count; i++)
-        bounds_of_shape(d, &d->shapes[i], bounds[i][0], bounds[i][1]);
+        shape_bounds(&d->shapes[i], bounds[i][0], bounds[i][1]);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         bool flat = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_DISK;
@@ -219,12 +207,9 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         int slot = first_slot[i];
-        bool has_planes = shape->kind != SHAPE_SPHERE && shape->kind != SHAPE_MESH;
-        for (int k = 0; has_planes && k < slots_of(shape->kind); k++) {
-            int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
-            double at = shape->kind == SHAPE_CUBE ? 1 - 2 * (k % 2) : 0;
+        for (int k = 0; k < shape_planes(shape->kind); k++) {
             double normal[3], offset;
-            plane_of(shape, axis, at, normal, &offset);
+            plane_of(shape, k, normal, &offset);
             store(s->anchor[slot + k], normal);
             s->anchor[slot + k][3] = (Num)offset;
         }

@@ -1,7 +1,64 @@
-/* The pinhole camera: primary rays, one pixel's box filter. The eye is where the path starts; nothing is
-   sampled towards it. */
+/* The pinhole camera. */
 #ifndef ONERAY_SENSORS_PERSPECTIVE_H
 #define ONERAY_SENSORS_PERSPECTIVE_H
+
+#include "fields.h"
+#include "vectors.h"
+
+typedef struct perspective {
+    double fov;   /* degrees, that the image spans along … */
+    int fov_axis; /* … the x or the y axis, the diagonal, the smaller or the larger side */
+    double near_clip, far_clip;
+    Affine to_world; /* camera space to world: looks along +z, +x is to the LEFT, +y up */
+} Perspective;
+
+enum { FOV_X, FOV_Y, FOV_DIAGONAL, FOV_SMALLER, FOV_LARGER };
+static const Field perspective_fields[] = {
+    {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},
+    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x y diagonal smaller larger", "x"},
+    {"near_clip", AS_FLOAT, offsetof(Perspective, near_clip), "(0,inf)", ".01"},
+    {"far_clip", AS_FLOAT, offsetof(Perspective, far_clip), "(0,inf)", "1e4"},
+    {"to_world", AS_TRANSFORM, offsetof(Perspective, to_world), NULL, ""},
+    {0},
+};
+
+static inline void perspective_check(void *plugin, Said *said)
+{
+    const Perspective *s = plugin;
+    if (!given(said, "fov"))
+        fail(said, "<sensor> needs a field of view: <float name=\"fov\" value=\"40\"/>, in degrees");
+    if (s->near_clip >= s->far_clip)
+        fail(said, "\"near_clip\" is %g and must be less than \"far_clip\", %g", s->near_clip, s->far_clip);
+    if (fabs(affine_uniform_scale(&s->to_world, 1e-3) - 1) > 1e-3)
+        fail(given(said, "to_world"), "\"to_world\" of a sensor must not scale or shear");
+}
+static const Plugin perspective_plugin = {"perspective", perspective_fields, perspective_check};
+
+/* Half extents of an image of this aspect, width over height, at distance 1. */
+static inline void perspective_extent(const Perspective *s, double aspect, double half[2])
+{
+    bool along_x = s->fov_axis == FOV_X || s->fov_axis == (aspect > 1 ? FOV_LARGER : FOV_SMALLER);
+    half[0] = tan(s->fov * PI / 360);
+    if (s->fov_axis == FOV_DIAGONAL)
+        half[0] *= aspect / hypot(aspect, 1);
+    else if (!along_x && aspect != 1)
+        half[0] *= aspect;
+    half[1] = half[0] / aspect;
+}
+
+static inline void perspective_origin(const Perspective *s, double origin[3]) { column(&s->to_world, 3, origin); }
+static inline double perspective_farthest(const Perspective *s) { return s->far_clip; }
+
+/* The least angle of a pixel, radians. */
+static inline double perspective_pixel(const Perspective *s, int width, int height)
+{
+    double half[2];
+    perspective_extent(s, (double)width / height, half);
+    return fmin(2 * half[0] / width, 2 * half[1] / height);
+}
+
+/* Primary rays, one pixel's box filter. The eye is where the path starts; nothing is sampled towards it. */
+#ifdef LANES
 
 #include "shapes/shape.h"
 
@@ -57,5 +114,7 @@ INLINE Eye eye_from(const Camera *camera, Vec p)
                & (b > real(-1)) & (b <= real(1));
     return eye;
 }
+
+#endif
 
 #endif

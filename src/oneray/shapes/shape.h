@@ -9,7 +9,7 @@
 #ifndef ONERAY_SHAPES_SHAPE_H
 #define ONERAY_SHAPES_SHAPE_H
 
-#include "scene/description.h"
+#include "kinds.h"
 #include "technique.h"
 #include "shapes/mesh.h"
 

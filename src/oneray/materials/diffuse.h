@@ -1,0 +1,22 @@
+/* L7 Diffuse: light goes on alike in all directions, f_r = reflectance/π (sr⁻¹), on the side of the normal. */
+#ifndef ONERAY_MATERIALS_DIFFUSE_H
+#define ONERAY_MATERIALS_DIFFUSE_H
+
+#include "fields.h"
+
+typedef struct diffuse {
+    double reflectance[3];
+} Diffuse;
+
+static const Field diffuse_fields[] = {
+    {"reflectance", AS_COLOUR, offsetof(Diffuse, reflectance), "[0,1]", ".5"},
+    {0},
+};
+static const Plugin diffuse_plugin = {"diffuse", diffuse_fields, NULL};
+
+enum { diffuse_has_back = 0 };
+static inline double diffuse_most(const Diffuse *m, int channel) { return m->reflectance[channel]; }
+static inline double diffuse_kept(const Diffuse *m, int channel) { return m->reflectance[channel]; }
+static inline const char *diffuse_odd(const Diffuse *m) { return (void)m, NULL; }
+
+#endif
