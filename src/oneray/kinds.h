@@ -4,7 +4,9 @@
    of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
    emitters/emitter.h, sensors/sensor.h.
 
-   A line: the kind in capitals, its name in code, its words in --stats. */
+   A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
+   what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
+   ask of it (scene/description.c). What follows #ifdef LANES is the kernels'. */
 #ifndef ONERAY_KINDS_H
 #define ONERAY_KINDS_H
 
@@ -23,11 +25,15 @@
 #define FLAT_SHAPES(X)                                                                                       \
     X(RECTANGLE, rectangle, "rectangle")                                                                     \
     X(DISK, disk, "disk")
-#define SOLID_SHAPES(X)                                                                                      \
-    X(CUBE, cube, "cube")                                                                                    \
-    X(SPHERE, sphere, "sphere")
+#define POLYHEDRA(X) X(CUBE, cube, "cube")
+#define ROUND_SHAPES(X) X(SPHERE, sphere, "sphere")
+#define SOLID_SHAPES(X) POLYHEDRA(X) ROUND_SHAPES(X)
+#define ALIGNED_SHAPES(X) X(ALIGNED, aligned, "rectangle along the axes")
+#define MESH_SHAPES(X) X(MESH, mesh, "mesh")
 #define SHAPES(X)                                                                                            \
-    X(ALIGNED, aligned, "rectangle along the axes") FLAT_SHAPES(X) SOLID_SHAPES(X) X(MESH, mesh, "mesh")
+    ALIGNED_SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
+/* What a scene file may have; a rectangle becomes an ALIGNED where it can. */
+#define FILE_SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
 
 /* Lights: on shapes; those that no ray hits by chance; and what a ray meets where it leaves the scene. */
 #define DELTA_EMITTERS(X)                                                                                    \
@@ -73,7 +79,7 @@
     X(VERTICES, vertices, "vertices kept")
 
 #define X(NAME, name, words) MATERIAL_##NAME,
-typedef enum { MATERIAL_NONE = -1, MATERIALS(X) MATERIAL_KINDS } MaterialKind;
+typedef enum { MATERIALS(X) MATERIAL_BLEND } MaterialKind;
 #undef X
 #define X(NAME, name, words) SHAPE_##NAME,
 typedef enum { SHAPES(X) SHAPE_KINDS } ShapeKind;
@@ -81,8 +87,11 @@ typedef enum { SHAPES(X) SHAPE_KINDS } ShapeKind;
 #define X(NAME, name, words) EMITTER_##NAME,
 typedef enum { EMITTERS(X) EMITTER_KINDS } EmitterKind;
 #undef X
+#define X(NAME, name, words) SENSOR_##NAME,
+typedef enum { SENSORS(X) SENSOR_KINDS } SensorKind;
+#undef X
 
-#define KINDS(X) SHAPES(X) MATERIALS(X) EMITTERS(X) TEXTURES(X) MEDIA(X) TRAITS(X)
+#define KINDS(X) SHAPES(X) MATERIALS(X) EMITTERS(X) TEXTURES(X) MEDIA(X) SENSORS(X) TRAITS(X)
 
 /* The feature mask: what a scene has and what a technique uses, a bit each. A kernel instance is compiled for a
    constant mask; what is not in it is not in its machine code. */

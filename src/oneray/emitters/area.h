@@ -1,6 +1,26 @@
-/* L2, L3 Area lights: radiance on the side of a shape's normal. */
+/* A shape that shines, all its surface alike, on the side of the normal. */
 #ifndef ONERAY_EMITTERS_AREA_H
 #define ONERAY_EMITTERS_AREA_H
+
+#include "emitters/from.h"
+
+typedef struct area {
+    double radiance[3]; /* W·sr⁻¹·m⁻² */
+} Area;
+
+static const Field area_fields[] = {
+    {"radiance", AS_COLOUR, offsetof(Area, radiance), "[0,inf)", "1"},
+    {0},
+};
+static const Plugin area_plugin = {"area", area_fields, NULL};
+
+enum { area_from = FROM_SHAPE };
+static inline const double *area_emission(const Area *e) { return e->radiance; }
+static inline const double *area_position(const Area *e) { return (void)e, NULL; }
+static inline double area_flux(const Area *e, double area, double radius) { return (void)e, (void)radius, PI * area; }
+static inline const char *area_odd(const Area *e) { return (void)e, NULL; }
+
+#ifdef LANES
 
 #include "emitters/rectangle_light.h"
 #include "emitters/sphere_light.h"
@@ -37,6 +57,27 @@ STAGE Real inverse_pdf_w_hit(
     if (f.use & USE_SOLID_ANGLE)
         rectangle = view_rectangle(emitters, i, at, f);
     return inverse_pdf_w_point(emitters, i, real(1) / (distance * distance), cosine, &sphere, &rectangle, f);
+}
+
+static inline void area_put(const Area *e, Emitters *emitters, int i) { (void)e, (void)emitters, (void)i; }
+
+/* It shines to one side if it is flat. */
+static inline void area_leaf(const Emitters *emitters, int i, Leaf *leaf)
+{
+    double x[3], y[3];
+    if (emitters->site[i] == SITE_SPHERE) {
+        leaf->radius = fabs((double)emitters->radius[i]);
+        leaf->power *= PI * leaf->radius * leaf->radius;
+        return;
+    }
+    for (int c = 0; c < 3; c++) {
+        leaf->axis[c] = (double)emitters->normal[i][c];
+        x[c] = (double)emitters->edge_x[i][c];
+        y[c] = (double)emitters->edge_y[i][c];
+    }
+    leaf->radius = length(x) + length(y);
+    leaf->spread = 0;
+    leaf->power *= (double)emitters->area[i];
 }
 
 /* A place on a flat light in units of its edges, uniform by area. */
@@ -132,4 +173,5 @@ INLINE FirstRay area_emit(const Emitters *emitters, Index i, const Real place[2]
         point, d, index_of_light(emitters->slot, i, f), REAL_PI * of_light(emitters->area, i, f)};
 }
 
+#endif
 #endif

@@ -2,7 +2,9 @@
    a cube counts as its six faces, on a mesh as its triangles.
 
    emitters/NAME.h defines, for a kind of the list EMITTERS in kinds.h,
-     Name, name_fields   what a scene file says of it, its power, and how the tree of lights sees it
+     Name, name_plugin   what a scene file says of it, and what is asked of that: flux, position
+     name_put            fills its place in the tables
+     name_leaf           how the tree of lights sees it
      name_towards        one ray to it (next event estimation)
      name_emit           one ray from it (light paths)
    and for a kind of SKIES, which a ray meets where it leaves the scene,
@@ -12,9 +14,11 @@
 #ifndef ONERAY_EMITTERS_EMITTER_H
 #define ONERAY_EMITTERS_EMITTER_H
 
+#include "emitters/from.h"
 #include "lanes/light.h"
-#include "lanes/sample.h"
 #include "shapes/meet.h"
+
+#include <math.h>
 
 /* What a light is: for an area light the kind of shape that it shines from, a rectangle for a cube's face. */
 typedef enum {
@@ -72,6 +76,7 @@ typedef struct {
     Num (*normal)[3];        /* flat: unit normal of the side that shines */
     Num (*panel)[8];         /* PANEL_*: of a rectangle with right angles, else 0 */
     Num *radius;             /* sphere, negative where it shines inwards */
+    Num *extent;             /* spot: 1 - cos of the cutoff angle */
     Num *cutoff, *beam;      /* spot: angles, radians */
     Num *area;               /* m²; 1 where there is none */
     Num *inverse_choice;     /* 1/p_i of the choice by uniform or power */
@@ -126,6 +131,15 @@ INLINE Mask is_area(const Emitters *emitters, Index i, Features f)
     return index_of_light(emitters->slot, i, f) >= 0;
 }
 
+/* What the tree of lights knows of one. */
+typedef struct {
+    int emitter;
+    double center[3], radius;
+    double axis[3], spread; /* the cone around what it shines along, half its angle; π: all around */
+    double power, far;      /* W·sr⁻¹, W·m⁻² */
+    double key;             /* to sort by */
+} Leaf;
+
 /* The first ray of a light path, and the flux that it carries, over the light's emission. */
 typedef struct {
     Vec o, d;
@@ -141,6 +155,15 @@ INLINE LightSample towards_place(const Emitters *emitters, Index i, const Receiv
     Real distance = vec_length(delta), inverse_d = real(1) / distance;
     return (LightSample){
         vec_scale(delta, inverse_d), distance, light_all(inverse_d * inverse_d), real(0), index_of(-1), i};
+}
+
+/* A light as it is seen from wherever the scene is: its irradiance is the emission times this. */
+static inline void far_leaf(const Emitters *emitters, double irradiance, Leaf *leaf)
+{
+    for (int c = 0; c < 3; c++)
+        leaf->center[c] = (double)emitters->world_center[c];
+    leaf->far = leaf->power * irradiance;
+    leaf->power = 0;
 }
 
 /* From far away along d: through a uniform point of the disk across it that the scene's ball casts. */

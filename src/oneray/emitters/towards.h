@@ -19,11 +19,12 @@ INLINE LightSample sample_select(Mask m, LightSample a, LightSample b)
 STAGE LightSample sample_light_point(
     const Emitters *emitters, Index i, Real inverse_choice, const Receiver *at, Real u, Real v, Features f)
 {
+    int alone = ONE_KIND_OF_LIGHT(f);
     LightSample s = {vec_all(real(0)), real(NUM_MAX), light_all(real(0)), real(0), index_of(-1), i};
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         LightSample one = name##_towards(emitters, i, at, u, v, f);                                          \
-        s = ONE_KIND_OF_LIGHT(f) ? one : sample_select(IS_KIND(NAME), one, s);                               \
+        s = alone ? one : sample_select(IS_KIND(NAME), one, s);                               \
     }
     EMITTERS(X)
 #undef X
@@ -35,12 +36,13 @@ STAGE LightSample sample_light_point(
 /* L17 One ray from light i: `place` is where on it, `way` the direction. */
 INLINE FirstRay sample_first_ray(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
 {
+    int alone = ONE_KIND_OF_LIGHT(f);
     FirstRay ray = {vec_all(real(0)), vec_all(real(1)), index_of(-1), real(0)};
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         FirstRay one = name##_emit(emitters, i, place, way, f);                                              \
         Mask is = IS_KIND(NAME);                                                                             \
-        ray = ONE_KIND_OF_LIGHT(f) ? one                                                                     \
+        ray = alone ? one                                                                                  \
                                    : (FirstRay){vec_select(is, one.o, ray.o), vec_select(is, one.d, ray.d),  \
                                          index_select(is, one.from, ray.from), select(is, one.flux, ray.flux)}; \
     }

@@ -51,7 +51,7 @@ INLINE Real face_over_shading(const Surface *s, Vec w)
 INLINE void join_eye(
     Path *path, const Scene *scene, const Surface *s, Mask active, const size_t items[], Splats *splats, Features f)
 {
-    Eye eye = eye_from(&scene->camera, s->p);
+    Eye eye = eye_from(&scene->camera, s->p, f);
     Real cosine = vec_dot(s->n, eye.wi);
     active &= eye.seen & can_receive(cosine, f) & (light_max(s->reflectance) > real(0));
     if (!any(active))

@@ -35,7 +35,7 @@ typedef struct {
 STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y, Features f)
 {
     Uniforms film = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
-    start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1]);
+    start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1], f);
     start->roulette = film.u[2];
 }
 

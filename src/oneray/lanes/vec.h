@@ -8,6 +8,13 @@ typedef struct {
     Real x, y, z;
 } Vec;
 
+/* Doubles as a kernel's numbers. */
+static inline void store(Num to[3], const double from[3])
+{
+    for (int i = 0; i < 3; i++)
+        to[i] = (Num)from[i];
+}
+
 INLINE Vec vec(Real x, Real y, Real z) { return (Vec){x, y, z}; }
 INLINE Vec vec_of(const Num a[3]) { return (Vec){real(a[0]), real(a[1]), real(a[2])}; }
 INLINE Vec vec_all(Real a) { return (Vec){a, a, a}; }

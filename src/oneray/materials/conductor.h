@@ -1,15 +1,67 @@
-/* L11 The smooth metal, and the perfect mirror: all of the light from the one direction that reflects into wo. */
+/* L11 Conductor: a smooth mirror, perfect or of metal, on the side of the normal. */
 #ifndef ONERAY_MATERIALS_CONDUCTOR_H
 #define ONERAY_MATERIALS_CONDUCTOR_H
+
+#include "fields.h"
+
+typedef struct conductor {
+    double specular_reflectance[3];
+    double eta[3], k[3]; /* complex index of refraction eta + i k, by channel, … */
+    bool fresnel;        /* … of a metal; else Mitsuba's material "none", a perfect mirror */
+    const char *material;
+} Conductor;
+
+static const Field conductor_fields[] = {
+    {"material", AS_STRING, offsetof(Conductor, material), NULL, ""},
+    {"specular_reflectance", AS_COLOUR, offsetof(Conductor, specular_reflectance), "[0,1]", "1"},
+    {"eta", AS_COLOUR, offsetof(Conductor, eta), "(0,1000]", ""},
+    {"k", AS_COLOUR, offsetof(Conductor, k), "[0,1000]", ""},
+    {0},
+};
+
+static inline void conductor_check(void *plugin, Said *said)
+{
+    Conductor *m = plugin;
+    const char *name = m->material;
+    m->material = NULL;
+    m->fresnel = given(said, "eta") || given(said, "k");
+    if (name && strcmp(name, "none") != 0)
+        fail(given(said, "material"), "the metal \"%.80s\" is not supported by name (write \"none\" for a "
+            "perfect mirror, or eta and k as <rgb>)", name);
+    if (name && m->fresnel)
+        fail(said, "<bsdf type=\"conductor\"> has \"material\" and \"eta\" or \"k\": write one or the other");
+    if (!name && !(given(said, "eta") && given(said, "k")))
+        fail(said, "<bsdf type=\"conductor\"> needs both eta and k as <rgb>, or "
+            "<string name=\"material\" value=\"none\"/> for a perfect mirror (Mitsuba's default is copper)");
+}
+static const Plugin conductor_plugin = {"conductor", conductor_fields, conductor_check};
+
+enum { conductor_has_back = 0 };
+static inline double conductor_most(const Conductor *m, int channel) { return m->specular_reflectance[channel]; }
+static inline double conductor_kept(const Conductor *m, int channel)
+{
+    return m->fresnel ? 0 : m->specular_reflectance[channel];
+}
+static inline const char *conductor_odd(const Conductor *m) { return (void)m, NULL; }
+
+#ifdef LANES
 
 #include "materials/material.h"
 
 enum { conductor_transmits = 0 };
 
-typedef struct {
+typedef struct conductor_row {
     Num reflectance[3];
     Num eta[3], k[3]; /* the complex index of refraction eta + i k; k < 0 stands for a perfect mirror */
 } ConductorRow;
+static inline void conductor_row(const Conductor *m, int side, ConductorRow *row)
+{
+    const double perfect[3] = {-1, -1, -1};
+    (void)side;
+    store(row->reflectance, m->specular_reflectance);
+    store(row->eta, m->eta);
+    store(row->k, m->fresnel ? m->k : perfect);
+}
 
 /* Reflectance of a conductor for unpolarised light, one channel, at cosine c to the normal: Born & Wolf,
    Principles of Optics, 14.2, with a² + b² = |(η + i k)² - sin²θ|. */
@@ -38,4 +90,5 @@ INLINE Scatter conductor_sample(
     return scatter;
 }
 
+#endif
 #endif

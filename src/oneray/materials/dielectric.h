@@ -1,16 +1,65 @@
-/* L15 The smooth boundary between two media: reflection with the chance of its reflectance, else refraction. */
+/* L15 Dielectric: the smooth boundary between two media, which reflects and refracts. */
 #ifndef ONERAY_MATERIALS_DIELECTRIC_H
 #define ONERAY_MATERIALS_DIELECTRIC_H
+
+#include "fields.h"
+
+#include <math.h>
+
+typedef struct dielectric {
+    double int_ior, ext_ior; /* indices of refraction; the normal points outside */
+    double specular_reflectance[3], specular_transmittance[3];
+} Dielectric;
+
+static const Field dielectric_fields[] = {
+    {"int_ior", AS_IOR, offsetof(Dielectric, int_ior), "(0,1000]", ""},
+    {"ext_ior", AS_IOR, offsetof(Dielectric, ext_ior), "(0,1000]", ""},
+    {"specular_reflectance", AS_COLOUR, offsetof(Dielectric, specular_reflectance), "[0,1]", "1"},
+    {"specular_transmittance", AS_COLOUR, offsetof(Dielectric, specular_transmittance), "[0,1]", "1"},
+    {0},
+};
+
+static inline void dielectric_check(void *plugin, Said *said)
+{
+    (void)plugin;
+    if (!given(said, "int_ior") || !given(said, "ext_ior"))
+        fail(said, "<bsdf type=\"dielectric\"> needs both int_ior and ext_ior (as <float>, or by name)");
+}
+static const Plugin dielectric_plugin = {"dielectric", dielectric_fields, dielectric_check};
+
+/* Inside over outside. */
+static inline double dielectric_ior(const Dielectric *m) { return m->int_ior / m->ext_ior; }
+
+enum { dielectric_has_back = 1 };
+static inline double dielectric_most(const Dielectric *m, int channel)
+{
+    return fmax(m->specular_reflectance[channel], m->specular_transmittance[channel]);
+}
+/* In total reflection. */
+static inline double dielectric_kept(const Dielectric *m, int channel) { return m->specular_reflectance[channel]; }
+static inline const char *dielectric_odd(const Dielectric *m)
+{
+    return fabs(dielectric_ior(m) - 1) < 1e-3 ? "an index of refraction within 0.001 of 1" : NULL;
+}
+
+#ifdef LANES
 
 #include "materials/material.h"
 
 enum { dielectric_transmits = 1 };
 
-typedef struct {
+typedef struct dielectric_row {
     Num reflectance[3];
     Num transmittance[3];
     Num ratio; /* the index of refraction on this side over that beyond */
 } DielectricRow;
+static inline void dielectric_row(const Dielectric *m, int side, DielectricRow *row)
+{
+    double ior = dielectric_ior(m);
+    store(row->reflectance, m->specular_reflectance);
+    store(row->transmittance, m->specular_transmittance);
+    row->ratio = (Num)(side ? ior : 1 / ior);
+}
 
 /* L15 The cosine beyond a boundary, from the cosine c here and the ratio of the indices, here/beyond: Snell.
    0 in total internal reflection. 1 - ratio² (1 - c²), in a form that keeps its digits at grazing angles
@@ -52,4 +101,5 @@ INLINE Scatter dielectric_sample(
         select(reflects, real(1), ratio * ratio)};
 }
 
+#endif
 #endif

@@ -1,14 +1,38 @@
-/* Lambert's surface: the same radiance in all directions, f_r = reflectance/π (sr⁻¹). */
+/* L7 Diffuse: light goes on alike in all directions, f_r = reflectance/π (sr⁻¹), on the side of the normal. */
 #ifndef ONERAY_MATERIALS_DIFFUSE_H
 #define ONERAY_MATERIALS_DIFFUSE_H
+
+#include "fields.h"
+
+typedef struct diffuse {
+    double reflectance[3];
+} Diffuse;
+
+static const Field diffuse_fields[] = {
+    {"reflectance", AS_COLOUR, offsetof(Diffuse, reflectance), "[0,1]", ".5"},
+    {0},
+};
+static const Plugin diffuse_plugin = {"diffuse", diffuse_fields, NULL};
+
+enum { diffuse_has_back = 0 };
+static inline double diffuse_most(const Diffuse *m, int channel) { return m->reflectance[channel]; }
+static inline double diffuse_kept(const Diffuse *m, int channel) { return m->reflectance[channel]; }
+static inline const char *diffuse_odd(const Diffuse *m) { return (void)m, NULL; }
+
+#ifdef LANES
 
 #include "materials/material.h"
 
 enum { diffuse_transmits = 0 };
 
-typedef struct {
+typedef struct diffuse_row {
     Num reflectance[3];
 } DiffuseRow;
+static inline void diffuse_row(const Diffuse *m, int side, DiffuseRow *row)
+{
+    (void)side;
+    store(row->reflectance, m->reflectance);
+}
 
 INLINE Light diffuse_eval(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine)
 {
@@ -45,4 +69,5 @@ INLINE Scatter diffuse_sample(
         diffuse_pdf_w(materials, part, s, wi, local.z, f), mask_none(), real(1)};
 }
 
+#endif
 #endif

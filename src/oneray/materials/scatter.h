@@ -47,13 +47,14 @@ INLINE Evaluation evaluate_part(
     const Materials *materials, const Part *part, Index kind, const Surface *s, Vec wi, Real cosine, Features f)
 {
     Evaluation out = {light_all(real(0)), real(0), light_all(real(0))};
+    int alone = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS));
     (void)kind;
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Evaluation one = {name##_eval(materials, part, s, wi, cosine),                                       \
             name##_pdf_w(materials, part, s, wi, cosine, f), name##_factor(materials, part, s, wi, cosine, f)}; \
         Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
-        out = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS))                                                      \
+        out = alone                                                                                          \
                   ? one                                                                                      \
                   : (Evaluation){light_select(is, one.f_r, out.f_r), select(is, one.pdf_w, out.pdf_w),       \
                         light_select(is, one.factor, out.factor)};                                           \
@@ -138,11 +139,12 @@ STAGE Scatter sample_material(
         part = part_of_row(materials, s, choose_part(materials, s, which), f);
         kind = kind_of_row(materials, part.row, f);
     }
+    int alone = ONLY_DIFFUSE(f);
     Scatter out = {s->n, light_all(real(0)), real(0), s->delta, real(1)};
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
-        if (ONLY_DIFFUSE(f))                                                                                 \
+        if (alone)                                                                                           \
             out = name##_sample(materials, &part, s, u, f);                                                  \
         else if (any(is))                                                                                    \
             out = scatter_select(is, name##_sample(materials, &part, s, u, f), out, f);                      \

@@ -2,7 +2,7 @@
 #ifndef ONERAY_PREPARE_SCENE_H
 #define ONERAY_PREPARE_SCENE_H
 
-#include "sensors/perspective.h"
+#include "sensors/sensor.h"
 #include "emitters/lesson.h"
 #include "materials/scatter.h"
 

@@ -2,10 +2,12 @@
 #ifndef ONERAY_SHAPES_ALIGNED_H
 #define ONERAY_SHAPES_ALIGNED_H
 
+#ifdef LANES
+
 #include "shapes/shape.h"
 
 /* Sides along u = axis+1 and v = axis+2 (mod 3), in the plane p[axis] = plane. The axis is a constant in what follows. */
-typedef struct {
+typedef struct aligned_row {
     Num plane, center_u, center_v, half_u, half_v;
 } AlignedRow;
 
@@ -34,4 +36,5 @@ INLINE Mask aligned_meets(const AlignedRow *a, const Ray *ray, int axis, Real in
     return (real_abs(x) <= real(a->half_u)) & (real_abs(y) <= real(a->half_v)) & (*t > real(0));
 }
 
+#endif
 #endif

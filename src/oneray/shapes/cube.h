@@ -1,11 +1,32 @@
+/* The cube [-1,1]³, with normals outwards. Its side k is at +1 or, for an odd k, -1 of axis k/2. */
 #ifndef ONERAY_SHAPES_CUBE_H
 #define ONERAY_SHAPES_CUBE_H
 
+#include "shapes/placed.h"
+
+typedef struct cube {
+    Placed placed;
+} Cube;
+
+static const Plugin cube_plugin = {"cube", placed_fields, NULL};
+
+enum { cube_planes = 6 };
+static inline int cube_sides(const Cube *s) { return (void)s, 6; }
+static inline Side cube_side(const Cube *s, int k) { return placed_side(&s->placed, k / 2, 1 - 2 * (k % 2)); }
+static inline Size cube_size(const Cube *s) { return placed_size(&s->placed, false); }
+static inline void cube_bounds(const Cube *s, double low[3], double high[3])
+{
+    placed_bounds(&s->placed, false, low, high);
+}
+
+#ifdef LANES
+
 #include "shapes/shape.h"
 
-enum { cube_planar = 1, cube_sides = 6 };
-
-typedef Local CubeRow;
+typedef struct cube_row {
+    Local to_unit;
+} CubeRow;
+static inline void cube_row(const Cube *s, CubeRow *row) { row->to_unit = local_of(&s->placed.to_world); }
 
 /* The slabs |x|, |y|, |z| <= 1 of the cube's own space, entered at -(x/dx + 1/|dx|), left at 1/|dx| - x/dx. `faces`
    gets the face entered and left by: 0 … 5 for the normals +x -x +y -y +z -z. A ray that starts on face `on` starts
@@ -19,7 +40,7 @@ STAGE Stretch cube_stretch(const CubeRow *cube, const Ray *ray, Index on, Faces 
     Real before = real(NUM_MAX), after = real(NUM_MAX);
     Real side = bits_real(real_bits(real(1)) | (Bits)on << (8 * NUM_BYTES - 1));
     UNROLLED for (int axis = 0; axis < 3; axis++) {
-        Real x = row_point(cube->row[axis], ray->o), dx = row_direction(cube->row[axis], ray->d);
+        Real x = row_point(cube->to_unit.row[axis], ray->o), dx = row_direction(cube->to_unit.row[axis], ray->d);
         x = select(on >> 1 == index_of(axis), side, x);
         dx = select(dx == real(0), real(NEARLY_PARALLEL), dx);
         Real inverse = real(1) / dx, middle = x * inverse, half = real_abs(inverse);
@@ -58,4 +79,5 @@ INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
     return stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
 }
 
+#endif
 #endif

@@ -4,9 +4,10 @@
 
 #include "kinds/shapes.h"
 
-#define IF_PLANAR(NAME, name, words) | (name##_planar ? HAS_##NAME : 0)
-#define PLANAR_SOLIDS (0 SOLID_SHAPES(IF_PLANAR))
-#define HAS_FLAT (HAS_ALIGNED | HAS_ANY(FLAT_SHAPES))
+/* How many slots a shape of this kind has. */
+#define SLOTS(name) (name##_planes ? name##_planes : 1)
+
+#define HAS_PLANES (HAS_ALIGNED | HAS_ANY(FLAT_SHAPES) | HAS_ANY(POLYHEDRA))
 
 /* The nearest so far, t = num/den. */
 typedef struct {
@@ -69,7 +70,7 @@ INLINE void solid_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Hit *hi
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME)                                                                                  \
         for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->count[SHAPE_##NAME];                 \
-             i++, slot += name##_sides) {                                                                    \
+             i++, slot += SLOTS(name)) {                                                                    \
             Mask met = name##_meets(shapes, i, slot, ray, &at);                                              \
             take(hit, met & (at.t < hit->t) & can_meet(shapes, slot, hiding, f), at);                        \
         }
@@ -113,7 +114,7 @@ STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Featu
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME)                                                                                  \
         for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->count[SHAPE_##NAME];                 \
-             i++, slot += name##_sides)                                                                      \
+             i++, slot += SLOTS(name))                                                                      \
             blocked |= name##_blocks(shapes, i, slot, ray, target);
     SOLID_SHAPES(X)
 #undef X
@@ -131,7 +132,7 @@ INLINE int axis_of_slot(const Shapes *shapes, int slot)
 STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
 {
     Mask within = mask_none(), itself = ray->from == index_of(slot);
-    at->slot = index_of(slot);
+    *at = (Hit){real(0), index_of(slot)};
     IF_SLOT(ALIGNED)
     {
         int axis = axis_of_slot(shapes, slot);
@@ -149,7 +150,7 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
 #undef X
 #define X(NAME, name, words)                                                                                 \
     IF_SLOT(NAME)                                                                                            \
-    return name##_meets(shapes, (slot - shapes->first[SHAPE_##NAME]) / name##_sides, slot, ray, at);
+    return name##_meets(shapes, (slot - shapes->first[SHAPE_##NAME]) / SLOTS(name), slot, ray, at);
     SOLID_SHAPES(X)
 #undef X
     return within;
@@ -174,7 +175,7 @@ STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index tar
 #undef X
 #define X(NAME, name, words)                                                                                 \
     IF_SLOT(NAME)                                                                                            \
-    return name##_blocks(shapes, (slot - shapes->first[SHAPE_##NAME]) / name##_sides, slot, ray, target);
+    return name##_blocks(shapes, (slot - shapes->first[SHAPE_##NAME]) / SLOTS(name), slot, ray, target);
     SOLID_SHAPES(X)
 #undef X
     return within;
@@ -318,10 +319,10 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
     Vec met = vec_add(ray->o, vec_scale(ray->d, t));
     *p = met;
     *n = vec(own[0], own[1], own[2]);
-    if (f.has & (HAS_FLAT | PLANAR_SOLIDS))
+    if (f.has & HAS_PLANES)
         *p = vec_sub(met, vec_scale(*n, vec_dot(*n, met) - own[3]));
 #define X(NAME, name, words)                                                                                 \
-    if (!name##_planar && (f.has & HAS_##NAME)) {                                                            \
+    if (f.has & HAS_##NAME) {                                                            \
         Mask is = (row >= index_of(shapes->first[SHAPE_##NAME]))                                             \
                   & (row < index_of(shapes->first[SHAPE_##NAME + 1]));                                       \
         Vec point, normal;                                                                                   \
@@ -329,7 +330,7 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
         *p = vec_select(is, point, *p);                                                                      \
         *n = vec_select(is, normal, *n);                                                                     \
     }
-    SOLID_SHAPES(X)
+    ROUND_SHAPES(X)
 #undef X
     *face = *n;
     if (f.has & HAS_MESH) {

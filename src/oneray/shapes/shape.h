@@ -8,23 +8,24 @@
    the triangles of a mesh share one, after all others.
 
    shapes/NAME.h defines, for a kind of that list,
-     Name, name_fields    what a scene file says of it, and what the description wants to know: bounds, sides, areas
-     NameRow              a shape's numbers as a kernel has them
-     name_sample          a uniform point of it, where it is a lamp
+     Name, name_plugin    what a scene file says of it, and what is asked of that: bounds, sides, size
+     name_planes          how many slots it has, if they are flat; else 0
+     NameRow, name_row    its numbers as a kernel has them, and how they come about
+     name_sample          a uniform point of it, if it shines
    and for FLAT_SHAPES
      name_cross           where a ray crosses its plane, and whether within it
    for SOLID_SHAPES
      name_meets           where a ray meets it first
      name_blocks          whether it is in a ray's way
-     name_planar          trait: its surface is the planes of its slots; else
-     name_surface         the point of it and its normal. */
+   for ROUND_SHAPES
+     name_anchor          four numbers that stand for its surface, and
+     name_surface         by them the point of it and its normal. */
 #ifndef ONERAY_SHAPES_SHAPE_H
 #define ONERAY_SHAPES_SHAPE_H
 
 #include "lanes/sample.h"
-#include "lanes/vec.h"
-#include "kinds.h"
-#include "trees/tree.h"
+#include "shapes/mesh.h"
+#include "shapes/placed.h"
 
 #ifdef SINGLE
 #define NEARLY_PARALLEL 1e-30
@@ -53,6 +54,27 @@ typedef struct {
                          sphere and its radius, negative if flip_normals */
     Int *shines;      /* by slot: is there an area light, even one of no power? */
 } Shapes;
+
+/* The rows that take the world to the unit shape: with columns a, b, c of the matrix, row 0 is b×c / (a·b×c). */
+static inline Local local_of(const Affine *to_world)
+{
+    Local local;
+    double columns[3][3], origin[3];
+    for (int j = 0; j < 3; j++)
+        column(to_world, j, columns[j]);
+    column(to_world, 3, origin);
+    for (int i = 0; i < 3; i++) {
+        double row[3];
+        cross(columns[(i + 1) % 3], columns[(i + 2) % 3], row);
+        double determinant = dot(columns[i], row);
+        for (int j = 0; j < 3; j++) {
+            row[j] /= determinant;
+            local.row[i][j] = (Num)row[j];
+        }
+        local.row[i][3] = (Num)-dot(row, origin);
+    }
+    return local;
+}
 
 #define ROWS(shapes, NAME, Name) ((const Name##Row *)(shapes)->rows[SHAPE_##NAME])
 
