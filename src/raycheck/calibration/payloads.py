@@ -1,7 +1,8 @@
 """Payloads of mutants: what each mistake makes of the numbers, bit for bit, whatever its patch looks like.
 
 `tests/mutants/payloads.json` keeps them. A patch that was made anew, for sources that look otherwise, is that
-of the same mistake if its payload is the kept one; signatures belong to the payload, not to the patch.
+of the same mistake if its payload is the kept one; signatures belong to the payload, not to the patch. Kept
+are those of four lanes, which a processor with AVX2 has: a mistake may depend on what other lanes do.
 """
 
 import functools
