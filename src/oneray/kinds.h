@@ -6,30 +6,31 @@
 
    A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
    what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
-   ask of it (scene/description.c). */
+   ask of it (traits.h). */
 #ifndef ONERAY_KINDS_H
 #define ONERAY_KINDS_H
 
 #include <stdint.h>
 
-#define MATERIALS(X)                                                                                         \
-    X(DIFFUSE, diffuse, "diffuse")                                                                           \
+/* Of the first the BSDF is a finite number; of the others a delta: light comes from single directions, which can be
+   sampled but not evaluated. A row of zeros is the first kind's, and black. */
+#define FINITE_MATERIALS(X) X(DIFFUSE, diffuse, "diffuse")
+#define DELTA_MATERIALS(X)                                                                                   \
     X(CONDUCTOR, conductor, "conductor")                                                                     \
     X(DIELECTRIC, dielectric, "dielectric")
+#define MATERIALS(X) FINITE_MATERIALS(X) DELTA_MATERIALS(X)
 
-/* What a ray meets. Flat shapes are met before the others, by one division for all of them. */
-#define ALIGNED_SHAPES(X) X(ALIGNED, aligned, "rectangle along the axes")
-#define FLAT_FILE_SHAPES(X)                                                                                  \
+/* What a ray meets, flat shapes before the others, by one division for all of them. Two are special: rectangles along
+   the axes share divisions by axis, and triangles have a tree of their own. */
+#define FLAT_SHAPES(X)                                                                                       \
     X(RECTANGLE, rectangle, "rectangle")                                                                     \
     X(DISK, disk, "disk")
-#define FLAT_SHAPES(X) ALIGNED_SHAPES(X) FLAT_FILE_SHAPES(X)
 #define SOLID_SHAPES(X)                                                                                      \
     X(CUBE, cube, "cube")                                                                                    \
     X(SPHERE, sphere, "sphere")
-#define MESH_SHAPES(X) X(MESH, mesh, "mesh")
-#define SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
 /* What a scene file may have; a rectangle becomes an ALIGNED where it can. */
-#define FILE_SHAPES(X) FLAT_FILE_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
+#define FILE_SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) X(MESH, mesh, "mesh")
+#define SHAPES(X) X(ALIGNED, aligned, "rectangle along the axes") FILE_SHAPES(X)
 
 #define EMITTERS(X)                                                                                          \
     X(AREA, area, "area light")                                                                              \
@@ -42,8 +43,9 @@
 #define MEDIA(X)
 #define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
 
+/* L16 In a scene file a blend is a material too; MATERIAL_NONE, what a one-sided one is from behind, is black. */
 #define X(NAME, name, words) MATERIAL_##NAME,
-typedef enum { MATERIALS(X) MATERIAL_BLEND } MaterialKind;
+typedef enum { MATERIAL_NONE = -1, MATERIALS(X) MATERIAL_KINDS, MATERIAL_BLEND = MATERIAL_KINDS } MaterialKind;
 #undef X
 #define X(NAME, name, words) SHAPE_##NAME,
 typedef enum { SHAPES(X) SHAPE_KINDS } ShapeKind;

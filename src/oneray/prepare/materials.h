@@ -106,7 +106,7 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
     size_t rows = (size_t)more;
     for (int i = 0; i < d->shape_count; i++)
         for (int side = 0; side < 2; side++)
-            rows += (size_t)slots_of(d->shapes[i].kind)
+            rows += (size_t)slots_of(&d->shapes[i])
                     * (size_t)parts_of(d, side ? d->shapes[i].back : d->shapes[i].front, 1, NULL);
     m->albedo = keep(scene, rows, sizeof *m->albedo);
     m->kind = keep(scene, rows, sizeof *m->kind);
@@ -119,7 +119,7 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
         m->next = keep(scene, rows, sizeof *m->next);
     }
     for (int i = 0; i < d->shape_count; i++)
-        for (int row = 0; row < 2 * slots_of(d->shapes[i].kind); row++)
+        for (int row = 0; row < 2 * slots_of(&d->shapes[i]); row++)
             more = set_rows(m, d, 2 * first_slot[i] + row, more,
                 row % 2 ? d->shapes[i].back : d->shapes[i].front, row % 2);
 }

@@ -10,8 +10,7 @@ typedef struct disk {
 
 static const Plugin disk_plugin = {"disk", placed_fields, NULL};
 
-enum { disk_planes = 1 };
-static inline int disk_sides(const Disk *s) { return (void)s, 1; }
+enum { disk_planar = 1, disk_sides = 1 };
 static inline Side disk_side(const Disk *s, int k)
 {
     (void)k;
@@ -19,10 +18,6 @@ static inline Side disk_side(const Disk *s, int k)
     side.area = PI * side.across;
     return side;
 }
-static inline Size disk_size(const Disk *s) { return placed_size(&s->placed, true); }
-static inline void disk_bounds(const Disk *s, double low[3], double high[3])
-{
-    placed_bounds(&s->placed, true, low, high);
-}
+static inline Extent disk_extent(const Disk *s) { return placed_extent(&s->placed, true); }
 
 #endif
