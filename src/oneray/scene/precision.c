@@ -10,6 +10,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define SMALLEST_SIZE (1.0 / 1024) /* of M: half the side of a shape, the radius of a sphere */
 #define SMALLEST_GAP (1.0 / 8192)  /* of M: between shapes, a light and a plane; how slim a mesh may be in the mean */
@@ -100,7 +101,8 @@ static bool odd_range(const Description *d, double reach, Reason reason)
         brightest = fmax(brightest, most);
         dimmest = most > 0 ? fmin(dimmest, most) : dimmest;
     }
-    return brightest > RANGE * dimmest && because(reason, "one light %.1g times as bright as another", brightest / dimmest);
+    return brightest > RANGE * dimmest
+           && because(reason, "one light %.1g times as bright as another", brightest / dimmest);
 }
 
 static bool odd_light(const Emitter *light, double reach, Reason reason)
@@ -124,27 +126,37 @@ static bool odd_size(const Shape *shape, double reach, Reason reason)
     return false;
 }
 
-/* A shape as the search for gaps sees it: its box, and the sides of a rectangle, disk or cube. */
+typedef struct {
+    double point[3], normal[3];
+} Plane;
+
+/* A shape as the search for gaps sees it: its box, and the planes of a rectangle, disk or cube. */
 typedef struct {
     const Shape *shape;
-    Extent extent;
+    double low[3], high[3];
     int plane_count;
-    Side planes[6];
+    Plane planes[6];
 } Body;
 
 static Body body_of(const Shape *shape)
 {
-    Body body = {.shape = shape, .extent = shape_extent(shape), .plane_count = shape_planes(shape)};
-    for (int k = 0; k < body.plane_count; k++)
-        body.planes[k] = shape_side(shape, k);
+    Body body = {.shape = shape, .plane_count = shape_planes(shape)};
+    Extent extent = shape_extent(shape);
+    memcpy(body.low, extent.low, sizeof body.low);
+    memcpy(body.high, extent.high, sizeof body.high);
+    for (int k = 0; k < body.plane_count; k++) {
+        Side side = shape_side(shape, k);
+        memcpy(body.planes[k].point, side.middle, sizeof side.middle);
+        memcpy(body.planes[k].normal, side.normal, sizeof side.normal);
+    }
     return body;
 }
 
 /* Along the plane's normal, from it to the point. */
-static double height_over(const Side *plane, const double p[3])
+static double height_over(const Plane *plane, const double p[3])
 {
     double up[3];
-    difference(p, plane->middle, up);
+    difference(p, plane->point, up);
     return dot(plane->normal, up);
 }
 
@@ -160,9 +172,9 @@ static double height_over_all(const Body *body, const double p[3])
 }
 
 /* Do two planes nearly coincide? What does coincide is no gap. */
-static bool nearly_coincide(const Side *a, const Side *b, double limit)
+static bool nearly_coincide(const Plane *a, const Plane *b, double limit)
 {
-    double height = fabs(height_over(a, b->middle));
+    double height = fabs(height_over(a, b->point));
     return fabs(dot(a->normal, b->normal)) > 0.999 && height > 0 && height < limit;
 }
 
@@ -171,7 +183,7 @@ static bool narrow(const Body *a, const Body *b, double limit)
 {
     double gap = 0;
     for (int axis = 0; axis < 3; axis++)
-        gap = fmax(gap, fmax(a->extent.low[axis] - b->extent.high[axis], b->extent.low[axis] - a->extent.high[axis]));
+        gap = fmax(gap, fmax(a->low[axis] - b->high[axis], b->low[axis] - a->high[axis]));
     if (gap > 0)
         return gap < limit;
     for (int side = 0; side < 2; side++) {
@@ -196,7 +208,7 @@ static bool narrow(const Body *a, const Body *b, double limit)
 static int by_low(const void *a, const void *b)
 {
     const Body *p = a, *q = b;
-    return (p->extent.low[0] > q->extent.low[0]) - (p->extent.low[0] < q->extent.low[0]);
+    return (p->low[0] > q->low[0]) - (p->low[0] < q->low[0]);
 }
 
 /* Gaps, by a sweep along x; and lights in a point close to a plane. */
@@ -218,7 +230,7 @@ static bool odd_gap(const Description *d, double reach, Reason reason)
         }
     qsort(bodies, (size_t)count, sizeof *bodies, by_low);
     for (int i = 0; i < count && !found; i++)
-        for (int k = i + 1; k < count && bodies[k].extent.low[0] <= bodies[i].extent.high[0] + limit && !found; k++)
+        for (int k = i + 1; k < count && bodies[k].low[0] <= bodies[i].high[0] + limit && !found; k++)
             if (narrow(&bodies[i], &bodies[k], limit)) {
                 int one = bodies[i].shape->line, other = bodies[k].shape->line;
                 found = because(reason, "a gap between the shapes of lines %d and %d", one < other ? one : other,
