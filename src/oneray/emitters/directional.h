@@ -41,4 +41,35 @@ static inline EmitterTraits directional_traits(const Directional *e)
     return (EmitterTraits){FROM_AFAR, e->irradiance, NULL, PI, NULL};
 }
 
+#ifdef LANES
+
+#include "emitters/emitter.h"
+
+static inline void directional_put(const Directional *e, Emitters *emitters, int i)
+{
+    store(emitters->edge_x[i], e->direction);
+}
+static inline void directional_leaf(const Emitters *emitters, int i, Leaf *leaf)
+{
+    (void)i;
+    far_leaf(emitters, 1, leaf);
+}
+
+INLINE LightSample directional_towards(
+    const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
+{
+    (void)at, (void)u, (void)v;
+    Vec wi = vec_neg(vec_of_light(emitters->edge_x, i, f));
+    return (LightSample){wi, real(NUM_MAX), light_all(real(1)), real(0), index_of(-1), i};
+}
+
+/* L17 Flux E π R². */
+INLINE FirstRay directional_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+{
+    Real radius = real(emitters->world_radius);
+    (void)way;
+    return from_far_away(emitters, vec_of_light(emitters->edge_x, i, f), place, REAL_PI * radius * radius);
+}
+
+#endif
 #endif

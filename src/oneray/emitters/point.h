@@ -34,4 +34,26 @@ static inline EmitterTraits point_traits(const Point *e)
     return (EmitterTraits){FROM_POINT, e->intensity, e->position, 4 * PI, NULL};
 }
 
+#ifdef LANES
+
+#include "emitters/emitter.h"
+
+static inline void point_put(const Point *e, Emitters *emitters, int i) { store(emitters->position[i], e->position); }
+static inline void point_leaf(const Emitters *emitters, int i, Leaf *leaf) { (void)emitters, (void)i, (void)leaf; }
+
+INLINE LightSample point_towards(const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
+{
+    (void)u, (void)v;
+    return towards_place(emitters, i, at, f);
+}
+
+/* L17 Flux 4π I. */
+INLINE FirstRay point_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+{
+    (void)place;
+    return (FirstRay){vec_of_light(emitters->position, i, f), sample_sphere(way[0], way[1]), index_of(-1),
+        real(1) / pdf_w_sphere()};
+}
+
+#endif
 #endif

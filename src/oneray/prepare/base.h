@@ -15,10 +15,5 @@ static void *keep(Scene *scene, size_t count, size_t size)
     return scene->kept[scene->kept_count++] = allocate(count + (3 * sizeof(Num) + size - 1) / size, size);
 }
 
-static void store(Num to[3], const double from[3])
-{
-    for (int i = 0; i < 3; i++)
-        to[i] = (Num)from[i];
-}
 
 #endif

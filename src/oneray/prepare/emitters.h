@@ -83,7 +83,7 @@ static void prepare_triangle_site(
     const Shape *shape = &d->shapes[light->shape];
     int slot = scene->shapes.triangles.first_slot + shape->as.mesh.first_triangle + k;
     Side side = shape_side(shape, k);
-    emitters->site[i] = SITE_TRIANGLE;
+    emitters->site[i] = SITE_MESH;
     emitters->area[i] = (Num)side.area;
     emitters->slot[i] = slot;
     store(emitters->position[i], side.middle);
@@ -113,46 +113,41 @@ static void prepare_site(Scene *scene, const Description *d, const Emitter *ligh
 {
     Emitters *emitters = &scene->emitters;
     const Shape *shape = &d->shapes[light->shape];
-    const Site sites[SHAPE_KINDS] = {[SHAPE_SPHERE] = SITE_SPHERE, [SHAPE_RECTANGLE] = SITE_RECTANGLE,
-        [SHAPE_DISK] = SITE_DISK, [SHAPE_CUBE] = SITE_RECTANGLE};
     Side side = shape_side(shape, k);
-    emitters->site[i] = (Int)sites[shape->kind];
+    bool panel = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_CUBE;
+    emitters->site[i] = panel ? SITE_RECTANGLE : (Int)shape->kind; /* shapes are the first sites */
     emitters->area[i] = (Num)side.area;
     emitters->slot[i] = slot;
     store(emitters->position[i], side.middle);
     store(emitters->edge_x[i], side.x);
     store(emitters->edge_y[i], side.y);
-    if (shape->kind == SHAPE_SPHERE)
+    if (!shape_planes(shape->kind))
         emitters->radius[i] = scene->shapes.anchor[slot][3];
     else
         memcpy(emitters->normal[i], scene->shapes.anchor[slot], sizeof emitters->normal[i]);
-    if (sites[shape->kind] == SITE_RECTANGLE && fabs(dot(side.x, side.y)) <= 1e-12 * length(side.x) * length(side.y))
+    if (panel && fabs(dot(side.x, side.y)) <= 1e-12 * length(side.x) * length(side.y))
         prepare_panel(emitters->panel[i], length(side.x), length(side.y));
     store(emitters->slot_emission[slot], emitter_traits(light).emission);
     emitters->slot_light[slot] = i;
 }
 
-static void prepare_delta(Emitters *emitters, const Emitter *light, int i)
+/* A light that is no shape. */
+static void prepare_free(Emitters *emitters, const Emitter *light, int i)
 {
-    const Site sites[EMITTER_KINDS] = {SITE_RECTANGLE, SITE_POINT, SITE_SPOT, SITE_DIRECTIONAL, SITE_CONSTANT};
-    emitters->site[i] = (Int)sites[light->kind];
     emitters->area[i] = 1;
     emitters->slot[i] = -1;
-    if (emitter_traits(light).position)
-        store(emitters->position[i], emitter_traits(light).position);
-    if (light->kind == EMITTER_DIRECTIONAL)
-        store(emitters->edge_x[i], light->as.directional.direction);
-    if (light->kind == EMITTER_SPOT) {
-        const Spot *spot = &light->as.spot;
-        store(emitters->edge_x[i], spot->direction);
-        emitters->cutoff[i] = (Num)spot->cutoff_angle;
-        emitters->beam[i] = (Num)spot->beam_width;
-        emitters->radius[i] = (Num)(2 * pow(sin(spot->cutoff_angle / 2), 2));
+    switch (light->kind) {
+#define X(NAME, name, words)                                                                                 \
+    case EMITTER_##NAME:                                                                                     \
+        emitters->site[i] = SITE_##NAME;                                                                     \
+        name##_put(&light->as.name, emitters, i);                                                            \
+        break;
+        EMITTERS(X)
+#undef X
+    default: break;
     }
-    if (light->kind != EMITTER_CONSTANT)
-        return;
-    store(emitters->environment, emitter_traits(light).emission);
-    emitters->environment_light = i;
+    if (emitter_traits(light).from == FROM_AROUND)
+        emitters->sky = i;
 }
 
 static void keep_emitters(Scene *scene)
@@ -167,6 +162,7 @@ static void keep_emitters(Scene *scene)
     emitters->normal = keep(scene, n, sizeof *emitters->normal);
     emitters->panel = keep(scene, n, sizeof *emitters->panel);
     emitters->radius = keep(scene, n, sizeof *emitters->radius);
+    emitters->extent = keep(scene, n, sizeof *emitters->extent);
     emitters->cutoff = keep(scene, n, sizeof *emitters->cutoff);
     emitters->beam = keep(scene, n, sizeof *emitters->beam);
     emitters->area = keep(scene, n, sizeof *emitters->area);
@@ -204,7 +200,7 @@ static void prepare_emitters(
     }
     keep_emitters(scene);
     for (int i = 0; i < d->shape_count; i++)
-        for (int k = 0; d->shapes[i].emitter >= 0 && k < slots_of(&d->shapes[i]); k++)
+        for (int k = 0; d->shapes[i].emitter >= 0 && k < slots_of(d->shapes[i].kind); k++)
             scene->shapes.shines[first_slot[i] + k] = 1;
     double *power = allocate((size_t)emitters->count, sizeof *power);
     for (int i = 0, site = 0; i < d->emitter_count; i++)
@@ -217,7 +213,7 @@ static void prepare_emitters(
             else if (light->kind == EMITTER_AREA)
                 prepare_site(scene, d, light, site, k, first_slot[light->shape] + k);
             else
-                prepare_delta(emitters, light, site);
+                prepare_free(emitters, light, site);
         }
     if (scene->features.use & USE_CONTRIBUTION)
         prepare_tree(scene);

@@ -42,9 +42,9 @@ Side shape_side(const Shape *shape, int k)
     return (Side){.area = 0};
 }
 
-int shape_planes(const Shape *shape)
+int shape_planes(ShapeKind kind)
 {
-#define X(NAME, name, words) if (shape->kind == SHAPE_##NAME) return name##_planar ? (int)name##_sides : 0;
+#define X(NAME, name, words) if (kind == SHAPE_##NAME) return name##_planes;
     FILE_SHAPES(X)
 #undef X
     return 0;
@@ -54,7 +54,7 @@ int shape_sides(const Shape *shape)
 {
     if (shape->kind == SHAPE_MESH)
         return shape->as.mesh.triangle_count;
-    return shape_planes(shape) ? shape_planes(shape) : 1;
+    return shape_planes(shape->kind) ? shape_planes(shape->kind) : 1;
 }
 
 bool emitter_has_power(const Emitter *emitter)

@@ -10,8 +10,11 @@
 #include "kinds/shapes.h"
 #include "meshes/mesh.h"
 
+enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind */
+
 #define X(NAME, name, words) struct name name;
 
+/* L16 */
 typedef struct {
     double weight;     /* of the second material */
     int first, second; /* index into materials, or MATERIAL_NONE */
@@ -93,9 +96,9 @@ SensorTraits sensor_traits(const Sensor *sensor);
 Extent shape_extent(const Shape *shape);
 Side shape_side(const Shape *shape, int k);
 
-/* How many sides a shape has; how many of them lie in planes of their own: none, or all, but no mesh's. */
+/* How many sides a shape has; and one of that kind with planes of its own: as many, else 0, as for a mesh. */
 int shape_sides(const Shape *shape);
-int shape_planes(const Shape *shape);
+int shape_planes(ShapeKind kind);
 bool emitter_has_power(const Emitter *emitter);
 /* The box around all shapes; 0 without any. */
 void scene_bounds(const Description *d, double low[3], double high[3]);

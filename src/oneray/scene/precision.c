@@ -140,7 +140,7 @@ typedef struct {
 
 static Body body_of(const Shape *shape)
 {
-    Body body = {.shape = shape, .plane_count = shape_planes(shape)};
+    Body body = {.shape = shape, .plane_count = shape_planes(shape->kind)};
     Extent extent = shape_extent(shape);
     memcpy(body.low, extent.low, sizeof body.low);
     memcpy(body.high, extent.high, sizeof body.high);

@@ -60,20 +60,52 @@ static inline SensorTraits perspective_traits(const Perspective *s, int width, i
 /* Primary rays, one pixel's box filter. The eye is where the path starts; nothing is sampled towards it. */
 #ifdef LANES
 
-#include "shapes/shape.h"
+#include "sensors/eye.h"
 
-typedef struct {
+typedef struct perspective_row {
     Num origin[3], left[3], up[3],
         forward[3]; /* left and up reach the edges of the image at forward's distance 1 */
     Num near_clip, far_clip;
     Num pixel_width, pixel_height; /* in units of the half image: 2/width, 2/height */
     Num to_left[3], to_up[3];      /* left and up over their squared lengths: a point's place in the image */
     Num film_area;                 /* of the image at forward's distance 1 */
-} Camera;
+} PerspectiveRow;
+
+static inline void perspective_row(const Perspective *perspective, int width, int height, PerspectiveRow *camera)
+{
+    double axis[3], extent[2];
+    perspective_extent(perspective, (double)width / height, extent);
+    column(&perspective->to_world, 3, axis);
+    store(camera->origin, axis);
+    for (int j = 0; j < 3; j++) {
+        const double scale[3] = {extent[0], extent[1], 1};
+        Num *const to[3] = {camera->left, camera->up, camera->forward};
+        column(&perspective->to_world, j, axis);
+        double one = length(axis);
+        for (int i = 0; i < 3; i++)
+            axis[i] *= scale[j] / one;
+        store(to[j], axis);
+    }
+    camera->near_clip = (Num)perspective->near_clip;
+    camera->far_clip = (Num)perspective->far_clip;
+    camera->pixel_width = (Num)(2.0 / width);
+    camera->pixel_height = (Num)(2.0 / height);
+    double area = 4;
+    for (int j = 0; j < 2; j++) {
+        double half = extent[j];
+        column(&perspective->to_world, j, axis);
+        double one = length(axis);
+        for (int i = 0; i < 3; i++)
+            axis[i] /= one * half;
+        store(j ? camera->to_up : camera->to_left, axis);
+        area *= half;
+    }
+    camera->film_area = (Num)area;
+}
 
 /* The ray through the point (x, y) of the film, in pixels from its upper left corner. It starts on the near
    plane and ends on the far plane, as Mitsuba's does. */
-STAGE Ray camera_ray(const Camera *camera, Real x, Real y)
+STAGE Ray perspective_ray(const PerspectiveRow *camera, Real x, Real y)
 {
     Real a = real(1) - x * real(camera->pixel_width), b = real(1) - y * real(camera->pixel_height);
     Vec d = vec_add(vec_of(camera->forward),
@@ -86,18 +118,8 @@ STAGE Ray camera_ray(const Camera *camera, Real x, Real y)
     return ray;
 }
 
-/* L17 The other way round: from a point to the eye. */
-typedef struct {
-    Mask seen; /* the point is within the image and between the planes */
-    Vec wi;    /* unit vector to the eye */
-    Real distance;
-    Real to_near; /* of it, up to the near plane */
-    Real x, y;    /* where on the film, in pixels */
-    Real weight;  /* mean radiance of the image per flux arriving, over the receiver's cosine: a pixel sees
-                     dΩ = cos³θ dA_film at distance 1, a surface dΩ cos/d² of it: 1/(d² cos³θ A_film), m⁻²·sr⁻¹ */
-} Eye;
-
-INLINE Eye eye_from(const Camera *camera, Vec p)
+/* L17 The other way round. */
+INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p)
 {
     Vec from_eye = vec_sub(p, vec_of(camera->origin));
     Real z = vec_dot(from_eye, vec_of(camera->forward)), inverse_z = real(1) / z;

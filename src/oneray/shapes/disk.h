@@ -10,7 +10,7 @@ typedef struct disk {
 
 static const Plugin disk_plugin = {"disk", placed_fields, NULL};
 
-enum { disk_planar = 1, disk_sides = 1 };
+enum { disk_planes = 1 };
 static inline Side disk_side(const Disk *s, int k)
 {
     (void)k;
@@ -20,4 +20,24 @@ static inline Side disk_side(const Disk *s, int k)
 }
 static inline Extent disk_extent(const Disk *s) { return placed_extent(&s->placed, true); }
 
+#ifdef LANES
+
+#include "shapes/shape.h"
+
+typedef struct disk_row {
+    Local to_unit;
+} DiskRow;
+static inline void disk_row(const Disk *s, DiskRow *row) { row->to_unit = local_of(&s->placed.to_world); }
+
+INLINE Crossing disk_cross(const Shapes *shapes, int i, const Ray *ray, Mask *within)
+{
+    Crossing c = flat_crossing(&ROWS(shapes, DISK, Disk)[i].to_unit, ray);
+    *within = c.x * c.x + c.y * c.y <= c.den * c.den;
+    return c;
+}
+
+/* A point of the unit disk, uniform by area. */
+INLINE void disk_sample(Real u, Real v, Real *x, Real *y) { sample_disk(u, v, x, y); }
+
+#endif
 #endif

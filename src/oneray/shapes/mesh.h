@@ -93,7 +93,7 @@ static inline void mesh_check(void *plugin, Said *said)
 }
 static const Plugin mesh_plugin = {"ply obj", mesh_fields, mesh_check};
 
-enum { mesh_planar = 0, mesh_sides = 1 };
+enum { mesh_planes = 0 };
 
 /* What a ray meets among the triangles. */
 #ifdef LANES
