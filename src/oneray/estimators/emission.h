@@ -52,7 +52,7 @@ INLINE Light sky_met(const Path *path, const Scene *scene, Hit hit, Features f)
     return light_only(missed, light_scale(radiance, weight_of_hit(path, inverse_pdf_w, f)));
 }
 
-STAGE Light emission_met(const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
+INLINE Light emission_met(const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
 {
     Light light = light_all(real(0));
     if (f.has & HAS_AREA)

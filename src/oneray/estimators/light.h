@@ -69,9 +69,10 @@ INLINE void join_eye(
 /* One vertex of a light path. Its n-th is the eye's path of n + 1 rays: max_depth counts those. */
 STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[], Splats *splats, Features f)
 {
-    Hit hit;
     Mask front;
-    Surface surface = next_surface(path, scene, mask_none(), &hit, &front, f);
+    Hit hit = next_hit(path, scene, mask_none(), f);
+    Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
+    note_vertex(path, hit, &surface, f);
     path->alive = goes_on(path, scene, hit);
     if (!any(path->alive))
         return;

@@ -24,16 +24,18 @@ STAGE void bounce(
         play_roulette(path, scene, f);
 }
 
-/* The ray goes to the next surface; `hiding` are lanes that pass what shines. */
-INLINE Surface next_surface(Path *path, const Scene *scene, Mask hiding, Hit *hit, Mask *front, Features f)
+/* What the ray meets; `hiding` are lanes that pass what shines. */
+INLINE Hit next_hit(Path *path, const Scene *scene, Mask hiding, Features f)
 {
     path->rays += path->alive;
-    *hit = shapes_hit(&scene->shapes, &path->ray, path->alive, hiding, f);
-    Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, *hit, front, f);
+    return shapes_hit(&scene->shapes, &path->ray, path->alive, hiding, f);
+}
+
+INLINE void note_vertex(const Path *path, Hit hit, const Surface *s, Features f)
+{
     if ((f.use & USE_VERTICES) && path->vertices)
-        keep_vertex(path->vertices, &surface, path->throughput, path->pdf_w, path->delta, path->depth,
-            path->alive & (hit->slot >= index_of(0)));
-    return surface;
+        keep_vertex(path->vertices, s, path->throughput, path->pdf_w, path->delta, path->depth,
+            path->alive & (hit.slot >= index_of(0)));
 }
 
 /* L19 Which paths may go on from what they have met: max_depth counts as Mitsuba's, 1 is emission only, 2 direct
@@ -46,9 +48,10 @@ INLINE Mask goes_on(const Path *path, const Scene *scene, Hit hit)
 /* L7 The random walk, by one vertex: L = what the point emits + what it reflects, and the ray recurses. */
 STAGE void path_step(Path *path, const Scene *scene, Features f)
 {
-    Hit hit;
     Mask front, hiding = f.has & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
-    Surface surface = next_surface(path, scene, hiding, &hit, &front, f);
+    Hit hit = next_hit(path, scene, hiding, f);
+    Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
+    note_vertex(path, hit, &surface, f);
     if (f.has & (HAS_AREA | HAS_ANY(SKIES))) {
         Light light = emission_met(path, scene, hit, &surface, front, f);
         path->radiance = light_add(path->radiance, light_mul(path_weight(path, f), light));

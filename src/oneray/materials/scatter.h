@@ -17,7 +17,8 @@ INLINE int one_material(Features f)
 
 INLINE Index kind_of_row(const Materials *materials, Index row, Features f)
 {
-    return one_material(f) ? index_of(0) : gather_index(materials->kind, row);
+    uint64_t has = f.has & HAS_ANY(MATERIALS);
+    return one_material(f) ? index_of(__builtin_ctzll(has | HAS_SMOOTH) - BIT_HAS_DIFFUSE) : gather_index(materials->kind, row);
 }
 
 INLINE Mask is_delta(Index kind, Features f)
@@ -52,20 +53,16 @@ typedef struct {
 INLINE Evaluation evaluate_part(
     const Materials *materials, const Part *part, Index kind, const Surface *s, Vec wi, Real cosine, Features f)
 {
+    int one_kind = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS));
     Evaluation out = {light_all(real(0)), real(0), light_all(real(0))};
-    int alone = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS));
     (void)kind;
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
-        Evaluation one = {name##_eval(materials, part, s, wi, cosine),                                       \
-            name##_pdf_w(materials, part, s, wi, cosine, f), light_all(real(0))};                            \
+        Mask is = one_kind ? mask_all() : kind == index_of(MATERIAL_##NAME);                                 \
+        out.f_r = light_select(is, name##_eval(materials, part, s, wi, cosine), out.f_r);                    \
+        out.pdf_w = select(is, name##_pdf_w(materials, part, s, wi, cosine, f), out.pdf_w);                  \
         if (f.use & USE_SURVIVAL_PDF)                                                                        \
-            one.factor = name##_factor(materials, part, s, wi, cosine, f);                                   \
-        Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
-        out = alone                                                                                          \
-                  ? one                                                                                      \
-                  : (Evaluation){light_select(is, one.f_r, out.f_r), select(is, one.pdf_w, out.pdf_w),       \
-                        light_select(is, one.factor, out.factor)};                                           \
+            out.factor = light_select(is, name##_factor(materials, part, s, wi, cosine, f), out.factor);     \
     }
     FINITE_MATERIALS(X)
 #undef X
@@ -147,14 +144,18 @@ STAGE Scatter sample_material(
         part = part_of_row(materials, s, choose_part(materials, s, which), f);
         kind = kind_of_row(materials, part.row, f);
     }
-    int alone = one_material(f);
+    if (one_material(f)) {
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME)                                                                                  \
+        return name##_sample(materials, &part, s, u, f);
+        MATERIALS(X)
+#undef X
+    }
     Scatter out = {s->n, light_all(real(0)), real(0), s->delta, real(1)};
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
-        if (alone)                                                                                           \
-            out = name##_sample(materials, &part, s, u, f);                                                  \
-        else if (any(is))                                                                                    \
+        if (any(is))                                                                                         \
             out = scatter_select(is, name##_sample(materials, &part, s, u, f), out, f);                      \
     }
     MATERIALS(X)
