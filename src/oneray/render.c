@@ -171,7 +171,7 @@ static void render_block(Render *r, uint64_t first, int level)
 }
 
 /* Adds what the job's light paths gave to the pixels, path after path, in whatever order the lanes came. */
-static void add_splats(const Splats *splats, size_t paths, double *radiance)
+static void gather_splats(const Splats *splats, size_t paths, double *radiance)
 {
     size_t *next = allocate(paths + 1, sizeof *next);
     const Splat **sorted = allocate(splats->count, sizeof *sorted);
@@ -207,7 +207,7 @@ static void render_pass(Render *r, uint64_t sample)
         size_t count = all - pixel < JOB_SAMPLES ? all - pixel : JOB_SAMPLES;
         splats.count = 0;
         run(r, (Job){0, sample, pixel, 1, count, NULL, &splats});
-        add_splats(&splats, count, radiance);
+        gather_splats(&splats, count, radiance);
     }
     free(splats.list);
     for (size_t pixel = 0, count = 1; pixel < pixels; pixel++) {
@@ -319,12 +319,12 @@ static void resume(Render *r)
             (unsigned long long)(o->first_sample + r->wanted - 1));
 }
 
-const char *render_instance(const Render *r)
+const char *instance_name(const Render *r)
 {
     return generic(r) ? "generic" : r->kernel->instance(r->prepared);
 }
 
-void render(Render *r)
+void render_image(Render *r)
 {
     const Options *o = r->options;
     r->wanted = o->seconds > 0 || o->error > 0 ? MOST_SAMPLES : (uint64_t)r->scene->sample_count;
