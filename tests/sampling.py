@@ -62,7 +62,7 @@ class Driver:
     ) -> None:
         self.folder = folder
         target = folder / f"sampling_{precision}_{lanes}.so"
-        scene_files = [path for path in sorted(source.glob("*.c")) if path.stem not in PROGRAM]
+        scene_files = [path for path in sorted(source.rglob("*.c")) if path.stem not in PROGRAM]
         settings = [f"-DLANES={lanes}", *(["-DSINGLE"] if precision == "single" else []), f"-I{source}"]
         command = [
             "cc",
@@ -116,7 +116,7 @@ class Driver:
         self.library.scene_close(ctypes.c_void_p(opened), description)
 
     def light_count(self, scene: int) -> int:
-        return self.library.light_count(ctypes.c_void_p(scene))
+        return self.library.emitter_count(ctypes.c_void_p(scene))
 
     def light_slot(self, scene: int, light: int) -> int:
         return self.library.light_slot(ctypes.c_void_p(scene), light)
