@@ -10,16 +10,25 @@
 # make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
 # make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
+# make WERROR=1   stops at a warning, as make test does
 
 BUILD   ?= build
 CC      ?= cc
 # -ffp-contract=off: the same bits whether or not the processor has fused multiply-add.
 # -fno-math-errno, -fno-trapping-math: no result changes; sqrt needs no call, a select needs no branch.
 CFLAGS  ?= -O2 -g
-WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror
+WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow $(if $(WERROR),-Werror)
+# The same bits also want every operation to round to the type of its operands, FLT_EVAL_METHOD 0: on 32-bit x86 by SSE,
+# on s390x by a gcc that does not promote.
+method = $(shell echo __FLT_EVAL_METHOD__ | $(CC) -std=c99 $(CFLAGS) $(1) -E -P -x c - 2>/dev/null)
+ROUNDS := $(if $(filter-out 0,$(method)),$(if $(filter 0,$(call method,-msse2 -mfpmath=sse)),-msse2 -mfpmath=sse,$(if \
+    $(filter 0,$(call method,-fexcess-precision=fast)),-fexcess-precision=fast)))
+ifneq (,$(filter-out 0,$(call method,$(ROUNDS))))
+$(error $(CC) $(CFLAGS) keeps more digits than a number has (FLT_EVAL_METHOD is not 0): another processor or compiler is wanted)
+endif
 # expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
 PACKAGES := expat OpenEXR libpng
-ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
+ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS) $(ROUNDS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
 # A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512; with
@@ -143,7 +152,7 @@ $(VENV)/.test: pyproject.toml | $(PYTHON)
 
 # A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up, on all
 # cores unless this one was told how many.
-ALL = $(MAKE) $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 1)) all
+ALL = $(MAKE) $(1) $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 1)) all
 # The quick verification: 1 is a FAIL; 3, INCONCLUSIVE, is not. In half the time, more is INCONCLUSIVE.
 VERIFY = $(RAYCHECK) verify --seconds $(1) --json $(BUILD)/verification.json || test $$? -eq 3
 
@@ -154,7 +163,7 @@ demo: $(BUILD)/.system $(VENV)/.demo
 	@echo "Open $(BUILD)/report/index.html"
 
 test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
-	+$(ALL)
+	+$(call ALL,WERROR=1)
 	$(call VERIFY,45)
 	$(PYTHON) -m ruff check src scripts tests
 	$(PYTHON) -m pytest -n 2 --dist loadfile

@@ -12,7 +12,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def build(target: Path, source: Path = ROOT, **variables: str) -> Path:
     """Runs `make` in `source` into the folder `target`; returns the program. Warnings are errors."""
-    settings = [f"{name}={value}" for name, value in {"BUILD": str(target), **variables}.items()]
+    given = {"BUILD": str(target), "WERROR": "1", **variables}
+    settings = [f"{name}={value}" for name, value in given.items()]
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
     done = subprocess.run(
         ["make", "-C", str(source), *settings, "all"],

@@ -25,13 +25,6 @@ void picture_check_name(const char *file, double exposure)
         die("--exposure is of a .png: %s holds the radiance as it is", file);
 }
 
-/* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
-   points balance each other, so that it takes other seeds to know. The identity names the sampler. */
-bool film_has_error(const Film *film)
-{
-    return film_samples(film) > 1 && !strstr(film->identity, " --sampler sobol ");
-}
-
 /* "PF", size, the sign of the scale for the order of bytes, then rows from the bottom up. Debevec, PFM. */
 static void write_pfm(const Picture *picture, FILE *stream)
 {

@@ -8,9 +8,14 @@
 #ifndef ONERAY_LANES_LANE_H
 #define ONERAY_LANES_LANE_H
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
+
+#if FLT_EVAL_METHOD != 0
+#error "numbers are computed with more digits than they have (FLT_EVAL_METHOD): -msse2 -mfpmath=sse is wanted on x86"
+#endif
 
 #ifndef LANES
 #define LANES 1

@@ -147,8 +147,8 @@ make, pkg-config and the libraries expat, OpenEXR and libpng.
 {table}
 
 oneray takes several paths along at a time: a `Real` has a number for each of them, a `Mask` a yes or no, and
-`select(mask, a, b)` is what `mask ? a : b` is for one ({SOURCES / "lanes/lane.h"}). Hand in this folder without
-`build`.
+`select(mask, a, b)` is what `mask ? a : b` is for one ({SOURCES / "lanes/lane.h"}). Hand in this folder
+without `build`.
 """
 
 
