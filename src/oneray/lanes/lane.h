@@ -24,7 +24,7 @@
 #if LANES > 1 && defined(__SSE2__)
 #include <immintrin.h>
 #endif
-#if LANES == 1 && defined(__clang__)    /* & of two masks is meant, also of one lane each */
+#if LANES == 1 && defined(__clang__) && __clang_major__ >= 14 /* & of two masks is meant, also of one lane each */
 #pragma clang diagnostic ignored "-Wbitwise-instead-of-logical"
 #endif
 
