@@ -82,8 +82,8 @@ static void render_scene(Options *options)
 {
     Seconds seconds = {0};
     double start = seconds_now();
-    Description *scene = description_read(
-        options->scene, options->parameters, options->parameter_count, options->size);
+    Description *scene =
+        description_read(options->scene, options->parameters, options->parameter_count, options->size);
     options_check(options, scene);
     check_outputs(options, scene);
     seconds.load = seconds_now() - start;

@@ -142,7 +142,8 @@ NORETURN static void help(void)
          "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n");
     for (int i = 0; i < OPTIONS; i++)
         help_of(&table[i]);
-    puts("\nexit status: 0 done, 2 the command line, the scene or a file was wrong (standard error says where)");
+    puts(
+        "\nexit status: 0 done, 2 the command line, the scene or a file was wrong (standard error says where)");
     const char *last = "";
     fputs("\nkernels that run here:", stdout);
     for (int i = 0; kernel_built(i); i++)

@@ -13,7 +13,8 @@ enum { MAX_PARAMETERS = 64 };
 #define MOST_SAMPLES ((uint64_t)1 << 48) /* per pixel */
 
 typedef struct {
-    const char *scene, *output, *film, *stats, *checkpoint; /* NULL: not given; stats "-" is standard output */
+    const char *scene, *output, *film, *stats,
+        *checkpoint; /* NULL: not given; stats "-" is standard output */
     char **parts;   /* the films to merge, instead of a scene to render */
     int part_count; /* 0: a scene is rendered */
     Parameter parameters[MAX_PARAMETERS];

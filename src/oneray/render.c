@@ -148,7 +148,7 @@ static void render_block(Render *r, uint64_t first, int level)
     size_t pixels = film_pixels(&r->film);
     Layer layer = {level, first >> level, allocate(pixels, 6 * sizeof(double))};
     double *radiance = allocate((at_once < pixels ? at_once : pixels) * samples, 3 * sizeof(double));
-    double(*nodes)[6] = allocate(samples, sizeof *nodes);
+    double (*nodes)[6] = allocate(samples, sizeof *nodes);
     for (size_t pixel = 0, count; pixel < pixels && !interrupted(); pixel += count) {
         count = pixels - pixel < at_once ? pixels - pixel : at_once;
         size_t place = place_in_image(&r->film.window, pixel, &count);
@@ -212,7 +212,7 @@ static void render_pass(Render *r, uint64_t sample)
     free(splats.list);
     for (size_t pixel = 0, count = 1; pixel < pixels; pixel++) {
         size_t place = place_in_image(w, pixel, &count);
-        if (film_reduce(radiance + 3 * place, 0, (double(*)[6])(layer.pixels + 6 * pixel)) >= 0)
+        if (film_reduce(radiance + 3 * place, 0, (double (*)[6])(layer.pixels + 6 * pixel)) >= 0)
             die_of(r, place, sample, radiance + 3 * place);
     }
     free(radiance);

@@ -10,10 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t film_pixels(const Film *film)
-{
-    return (size_t)film->window.width * (size_t)film->window.height;
-}
+size_t film_pixels(const Film *film) { return (size_t)film->window.width * (size_t)film->window.height; }
 static uint64_t layer_first(Layer layer) { return layer.index << layer.level; }
 static uint64_t layer_end(Layer layer) { return (layer.index + 1) << layer.level; }
 

@@ -47,8 +47,10 @@ static void write_png(const Picture *picture, double exposure, const char *file,
 {
     size_t numbers = 3 * (size_t)picture->window.width * (size_t)picture->window.height;
     png_bytep bytes = allocate(numbers, sizeof *bytes);
-    png_image image = {.version = PNG_IMAGE_VERSION, .format = PNG_FORMAT_RGB,
-        .width = (png_uint_32)picture->window.width, .height = (png_uint_32)picture->window.height};
+    png_image image = {.version = PNG_IMAGE_VERSION,
+        .format = PNG_FORMAT_RGB,
+        .width = (png_uint_32)picture->window.width,
+        .height = (png_uint_32)picture->window.height};
     for (size_t i = 0; i < numbers; i++)
         bytes[i] = srgb((double)picture->mean[i] * exp2(exposure));
     if (!png_image_write_to_stdio(&image, stream, 0, bytes, 0, NULL))

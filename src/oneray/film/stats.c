@@ -11,8 +11,7 @@
 
 static const char *const has_words[] = {
 #define X(NAME, name, words) words,
-    KINDS(X)
-};
+    KINDS(X)};
 static const char *const use_words[] = {USES(X)};
 #undef X
 
