@@ -28,7 +28,8 @@ $(error $(CC) $(CFLAGS) keeps more digits than a number has (FLT_EVAL_METHOD is 
 endif
 # expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
 PACKAGES := expat OpenEXR libpng
-ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS) $(ROUNDS)
+ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray -I$(BUILD) $(WARN) -ffp-contract=off -fno-math-errno \
+    -fno-trapping-math $(CFLAGS) $(ROUNDS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
 # A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512; with
@@ -56,7 +57,10 @@ endif
 
 part = $(word $(2),$(subst :, ,$(1)))
 SOURCES := $(wildcard src/oneray/*.c src/oneray/*/*.c)
-HEADERS := $(wildcard src/oneray/*.h src/oneray/*/*.h)
+# kinds/FOLDER.h includes the file of each kind of the list FOLDER in kinds.h that has one.
+KIND_HEADERS := $(foreach f,materials shapes emitters textures media sensors estimators,$(BUILD)/kinds/$(f).h)
+SOURCE_HEADERS := $(wildcard src/oneray/*.h src/oneray/*/*.h)
+HEADERS := $(SOURCE_HEADERS) $(KIND_HEADERS)
 vpath %.c $(sort $(dir $(SOURCES)))
 PLAIN_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(filter-out kernel.c instances.c,$(notdir $(SOURCES))))
 name_of = $(call part,$(1),1)_$(call part,$(1),2)
@@ -69,6 +73,14 @@ all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
 	$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
+
+$(BUILD)/kinds/%.h: $(SOURCE_HEADERS) Makefile
+	@mkdir -p $(@D)
+	@list=$$(echo $* | tr a-z A-Z); \
+	for name in $$(printf '#include "kinds.h"\n#define X(NAME, name, words) name\nnames: %s(X)\n' $$list | \
+	    $(CC) -E -P -Isrc/oneray -x c - | sed -n 's/^names://p'); do \
+	    ! test -e src/oneray/$*/$$name.h || echo "#include \"$*/$$name.h\""; \
+	done > $@
 
 # Other settings than last time build everything anew.
 SETTINGS := $(CC) $(ALL_CFLAGS) $(KERNEL_LIST)
@@ -103,9 +115,10 @@ wheel: $(BUILD)/oneray $(PYTHON)
 FUZZ_SECONDS ?= 3600
 FUZZERS := $(foreach f,scene ply obj,$(BUILD)/fuzz/$(f))
 FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-    -Isrc/oneray -include tests/fuzz/harness.h
-FUZZ_MESH := harness message mesh ply obj
-FUZZ_SCENE := $(FUZZ_MESH) xml values build precision bounds
+    -Isrc/oneray -I$(BUILD) -include tests/fuzz/harness.h
+stems = $(basename $(notdir $(wildcard src/oneray/$(1)/*.c)))
+FUZZ_MESH := harness message $(call stems,meshes)
+FUZZ_SCENE := $(FUZZ_MESH) $(call stems,scene)
 vpath %.c tests/fuzz
 
 $(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from raycheck import diagnose_cli, diagnosis, lecture, mutants, references, words
+from raycheck.calibration import payloads
 from raycheck.evidence import evidence, fine_tiles
 from raycheck.images import write_pfm
 from raycheck.truth import truth_of
@@ -102,10 +103,11 @@ def test_without_its_signature_a_mistake_is_not_named(truth):
 
 
 def test_signatures_belong_to_the_catalogue():
-    """To patches that change what they did when the signatures were made."""
+    """To mistakes that do, bit for bit, what they did when the signatures were made."""
+    kept = payloads.kept()
     catalogue = {mutant.name: mutant for mutant in mutants.catalogue() if mutant.catalogued}
     for name, entry in diagnosis.manifest()["mistakes"].items():
-        assert catalogue[name].digest == entry["patch"], f"{name}: raycheck calibrate signatures"
+        assert name in catalogue and kept[name] == entry["payload"], f"{name}: raycheck calibrate signatures"
         assert lecture.argument(entry["technique"])
     for scene in diagnosis.scenes():
         diagnosis.load(scene)

@@ -16,7 +16,7 @@ from building import ROOT
 from typer.testing import CliRunner
 
 from raycheck import mutants
-from raycheck.calibration import trials
+from raycheck.calibration import payloads, trials
 from raycheck.cli import app
 from raycheck.techniques import technique
 
@@ -78,6 +78,33 @@ def test_a_mistake_fails(name: str) -> None:
 def test_no_mistake_does_not(name: str) -> None:
     trial = judged(name)
     assert trial.images is not None and not trial.rejected["raycheck"], trial.reason
+
+
+@pytest.mark.parametrize("name", [*SAMPLE, *CONTROLS])
+def test_a_patch_is_the_mistake_that_it_was(name: str) -> None:
+    """Bit for bit, however the patch is written: what is known of the mistake is known of its payload. All of
+    them: `python scripts/mutant_payloads.py --check`.
+    """
+    assert payloads.of_mutant(CATALOGUE[name]) == payloads.kept()[name]
+
+
+def test_every_mistake_has_a_payload_of_its_own_picture() -> None:
+    """None is missing or of a patch that is gone, and none leaves all numbers as they are."""
+    kept = payloads.kept()
+    assert list(kept) == sorted(CATALOGUE)
+    for name, mutant in CATALOGUE.items():
+        assert kept[name] != payloads.of_correct(*payloads.where(mutant)), name
+
+
+def test_a_patch_of_what_nobody_includes_is_told(tmp_path: Path) -> None:
+    """It would leave the program as it is."""
+    base = mutants.program(None).parent.parent
+    patch = tmp_path / "alone.patch"
+    head = CATALOGUE["nee-no-cosine"].patch.read_text().split("\n---")[0]
+    name = "src/oneray/alone.h"
+    patch.write_text(f"{head}\n--- a/{name}\n+++ b/{name}\n@@ -0,0 +1 @@\n+int alone;\n", encoding="utf-8")
+    with pytest.raises(mutants.PatchError, match=f"alone: nothing that is compiled includes {name}"):
+        mutants.build(mutants.read(patch), tmp_path / "copy", base)
 
 
 ASSIGNMENT = """\

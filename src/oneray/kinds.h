@@ -4,33 +4,44 @@
    of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
    emitters/emitter.h, sensors/sensor.h.
 
-   A line: the kind in capitals, its name in code, its words in --stats. */
+   A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
+   what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
+   ask of it (scene/description.c). What follows #ifdef LANES is the kernels'. */
 #ifndef ONERAY_KINDS_H
 #define ONERAY_KINDS_H
 
 #include <stdint.h>
 
-#define MATERIALS(X)                                                                                         \
-    X(DIFFUSE, diffuse, "diffuse")                                                                           \
+/* Of the first the BSDF is a finite number; of the others a delta: light comes from single directions, which can be
+   sampled but not evaluated. A row of zeros is the first kind's, and black. */
+#define FINITE_MATERIALS(X) X(DIFFUSE, diffuse, "diffuse")
+#define DELTA_MATERIALS(X)                                                                                   \
     X(CONDUCTOR, conductor, "conductor")                                                                     \
     X(DIELECTRIC, dielectric, "dielectric")
+#define MATERIALS(X) FINITE_MATERIALS(X) DELTA_MATERIALS(X)
 
-/* What a ray meets. Flat shapes are met before the others, by one division for all of them. */
+/* What a ray meets, flat shapes before the others, by one division for all of them. Two are special: rectangles along
+   the axes share divisions by axis, and triangles have a tree of their own. */
 #define FLAT_SHAPES(X)                                                                                       \
-    X(ALIGNED, aligned, "rectangle along the axes")                                                          \
     X(RECTANGLE, rectangle, "rectangle")                                                                     \
     X(DISK, disk, "disk")
-#define SOLID_SHAPES(X)                                                                                      \
-    X(CUBE, cube, "cube")                                                                                    \
-    X(SPHERE, sphere, "sphere")
-#define SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) X(MESH, mesh, "mesh")
+#define POLYHEDRA(X) X(CUBE, cube, "cube")
+#define ROUND_SHAPES(X) X(SPHERE, sphere, "sphere")
+#define SOLID_SHAPES(X) POLYHEDRA(X) ROUND_SHAPES(X)
+#define ALIGNED_SHAPES(X) X(ALIGNED, aligned, "rectangle along the axes")
+#define MESH_SHAPES(X) X(MESH, mesh, "mesh")
+#define SHAPES(X)                                                                                            \
+    ALIGNED_SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
+/* What a scene file may have; a rectangle becomes an ALIGNED where it can. */
+#define FILE_SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X) MESH_SHAPES(X)
 
-#define EMITTERS(X)                                                                                          \
-    X(AREA, area, "area light")                                                                              \
+/* Lights: on shapes; those that no ray hits by chance; and what a ray meets where it leaves the scene. */
+#define DELTA_EMITTERS(X)                                                                                    \
     X(POINT, point, "point light")                                                                           \
     X(SPOT, spot, "spot light")                                                                              \
-    X(DIRECTIONAL, directional, "directional light")                                                         \
-    X(CONSTANT, constant, "environment")
+    X(DIRECTIONAL, directional, "directional light")
+#define SKIES(X) X(CONSTANT, constant, "environment")
+#define EMITTERS(X) X(AREA, area, "area light") DELTA_EMITTERS(X) SKIES(X)
 
 #define TEXTURES(X)
 #define MEDIA(X)
@@ -42,6 +53,7 @@
     X(TREE, tree, "tree of many shapes")                                                                     \
     X(FRESNEL, fresnel, "Fresnel of metals")                                                                 \
     X(BLEND, blend, "blend of materials")                                                                    \
+    X(PARTS, parts, "blend of several finite materials")                                                     \
     X(FLAT_LIGHT, flat_light, "flat light")                                                                  \
     X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
     X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
@@ -63,9 +75,23 @@
     X(ROULETTE, roulette, "roulette")                                                                        \
     X(SCHLICK, schlick, "Schlick's Fresnel")                                                                 \
     X(LIGHT_PATHS, light_paths, "light tracing")                                                             \
-    X(SOBOL, sobol, "Sobol' points")
+    X(SOBOL, sobol, "Sobol' points")                                                                         \
+    X(VERTICES, vertices, "vertices kept")
 
-#define KINDS(X) SHAPES(X) MATERIALS(X) EMITTERS(X) TEXTURES(X) MEDIA(X) TRAITS(X)
+#define X(NAME, name, words) MATERIAL_##NAME,
+typedef enum { MATERIALS(X) MATERIAL_BLEND } MaterialKind;
+#undef X
+#define X(NAME, name, words) SHAPE_##NAME,
+typedef enum { SHAPES(X) SHAPE_KINDS } ShapeKind;
+#undef X
+#define X(NAME, name, words) EMITTER_##NAME,
+typedef enum { EMITTERS(X) EMITTER_KINDS } EmitterKind;
+#undef X
+#define X(NAME, name, words) SENSOR_##NAME,
+typedef enum { SENSORS(X) SENSOR_KINDS } SensorKind;
+#undef X
+
+#define KINDS(X) SHAPES(X) MATERIALS(X) EMITTERS(X) TEXTURES(X) MEDIA(X) SENSORS(X) TRAITS(X)
 
 /* The feature mask: what a scene has and what a technique uses, a bit each. A kernel instance is compiled for a
    constant mask; what is not in it is not in its machine code. */
@@ -94,5 +120,8 @@ USES(X)
 /* A bit for each kind of a list: HAS_ANY(MATERIALS). */
 #define OR_HAS(NAME, name, words) | HAS_##NAME
 #define HAS_ANY(LIST) (0 LIST(OR_HAS))
+
+/* Is only one kind of a list in the mask? Then there is nothing to choose. */
+#define IS_ONE(bits) (((bits) & ((bits) - 1)) == 0)
 
 #endif

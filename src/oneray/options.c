@@ -413,7 +413,7 @@ static const Material *absorbs_nothing(const Description *scene)
     for (int i = 0; i < scene->material_count; i++) {
         const Material *m = &scene->materials[i];
         for (int c = 0; c < 3; c++)
-            if (m->kind != MATERIAL_BLEND && m->reflectance[c] >= 1 && !m->fresnel)
+            if (material_kept(m, c) >= 1)
                 return m;
     }
     return NULL;
@@ -425,17 +425,17 @@ void options_check(const Options *options, const Description *scene)
     const uint64_t *crop = options->crop, width = (uint64_t)sensor->width, height = (uint64_t)sensor->height;
     if (crop[2] > width || crop[0] > width - crop[2] || crop[3] > height || crop[1] > height - crop[3])
         die("--crop: the image has %d x %d pixels", sensor->width, sensor->height);
-#define X(NAME, name, words) #name,
-    static const char *const kinds[] = {EMITTERS(X)};
+#define X(NAME, name, words) words,
+    static const char *const kinds[EMITTER_KINDS] = {EMITTERS(X)};
 #undef X
     for (int i = 0; i < scene->emitter_count; i++) {
         const Emitter *light = &scene->emitters[i];
         if (!emitter_has_power(light))
             warn("%s:%d: this light has no power and is left out", options->scene, light->line);
-        if (options->technique.estimator == ESTIMATOR_WALK && light->kind != EMITTER_AREA
-            && light->kind != EMITTER_CONSTANT)
+        LightFrom from = emitter_from(light->kind);
+        if (options->technique.estimator == ESTIMATOR_WALK && (from == FROM_POINT || from == FROM_AFAR))
             die_at(options->scene, light->line,
-                "--estimator walk: no random ray hits a %s light, its light would be "
+                "--estimator walk: no random ray hits a %s, its light would be "
                 "missing; use nee or mis",
                 kinds[light->kind]);
     }

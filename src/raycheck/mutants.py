@@ -23,6 +23,7 @@ from raycheck.renderers import NotFound
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "tests/mutants"
+SOURCES = "src/oneray"
 HEADERS = ("Technique", "Mistake", "Symptom", "Shows")
 OPTIONAL_HEADERS = ("Equivalent", "Variant")
 
@@ -49,13 +50,6 @@ class Mutant:
     """Why no mean changes."""
     variant: str | None = None
     """The catalogued mistake that it is another form of."""
-
-    @property
-    def digest(self) -> str:
-        """Of what it takes away and adds, not of what stands around it."""
-        body = self.patch.read_text(encoding="utf-8").split("\n---", 1)[1]
-        changed = [line for line in body.splitlines() if line[:1] in ("-", "+")]
-        return hashlib.sha256("\n".join(changed).encode()).hexdigest()[:16]
 
     @property
     def catalogued(self) -> bool:
@@ -93,11 +87,12 @@ def catalogue(folder: Path = FOLDER) -> list[Mutant]:
 
 def settings() -> list[str]:
     """What `make` is told: one generic kernel in double precision, as wide as this machine, with few
-    optimisations, which halves the time to build, and without warnings.
+    optimisations, which halves the time to build, and without warnings. The compiler writes down beside each
+    object, NAME.d, what went into it.
     """
     info = Path("/proc/cpuinfo")
     wide = info.is_file() and "avx2" in info.read_text()
-    return [f"KERNEL_LIST={'double:4:1' if wide else 'double:2:0'}", "CFLAGS=-O1", "WARN=", "LDFLAGS=-s"]
+    return [f"KERNEL_LIST={'double:4:1' if wide else 'double:2:0'}", "CFLAGS=-O1 -MMD", "WARN=", "LDFLAGS=-s"]
 
 
 OPTIONS = ("--precision", "double")
@@ -157,9 +152,9 @@ def _digest(mutant: Mutant | None) -> str:
     for path in (
         ROOT / "Makefile",
         Path(__file__).parent / "calibration/many_seeds.c",
-        *sorted((ROOT / "src/oneray").iterdir()),
+        *sorted(path for path in (ROOT / SOURCES).rglob("*") if path.is_file()),
     ):
-        digest.update(path.read_bytes())
+        digest.update(f"{path.relative_to(ROOT)}\n".encode() + path.read_bytes())
     if mutant:
         digest.update(mutant.patch.read_bytes().split(b"\n---", 1)[1])
     return digest.hexdigest()[:24]
@@ -169,22 +164,18 @@ def build(mutant: Mutant | None, folder: Path, base: Path | None = None) -> Path
     """A copy of the sources in `folder`, patched and built; PatchError where that fails. What the patch does
     not touch is taken from a `base` that is already built, and make's commands too.
     """
-    shutil.copytree(ROOT / "src/oneray", folder / "src/oneray")
+    shutil.copytree(ROOT / SOURCES, folder / SOURCES)
     shutil.copy(ROOT / "Makefile", folder)
     touched = apply(mutant, folder) if mutant else set()
     if not base:
         _make(folder)
         base = folder
     (folder / "build").mkdir(exist_ok=True)
-    for command in (base / "build/commands").read_text(encoding="utf-8").splitlines():
-        words = shlex.split(command)
-        if "-c" not in words:
-            continue
-        target = folder / words[words.index("-o") + 1]
-        if _includes(folder / "src/oneray", target) & touched:
-            _run(mutant, words, folder)
-        elif base is not folder:
-            target.symlink_to(base / "build" / target.name)
+    if base is not folder:
+        _link_headers(base / "build", folder / "build")
+        compiled = _compile(mutant, touched, folder, base)
+        if mutant and not compiled:
+            raise PatchError(f"{mutant.name}: nothing that is compiled includes {', '.join(sorted(touched))}")
     objects = [str(o) for o in sorted((folder / "build").glob("*.o")) if o.name not in ("main.o", MANY_SEEDS)]
     libraries = (base / "build/libraries").read_text(encoding="utf-8").split()
     for main in ("main.o", MANY_SEEDS):
@@ -192,6 +183,37 @@ def build(mutant: Mutant | None, folder: Path, base: Path | None = None) -> Path
         first = folder / "build/main.o" if main == "main.o" else base / "build" / main
         _run(mutant, ["cc", "-s", "-o", str(program), str(first), *objects, *libraries], folder)
     return folder / "build/oneray"
+
+
+def _link_headers(base: Path, build: Path) -> None:
+    """Headers that make wrote, and folders of them."""
+    for header in base.rglob("*.h"):
+        target = build / header.relative_to(base)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.symlink_to(header)
+
+
+def _compile(mutant: Mutant | None, touched: set[str], folder: Path, base: Path) -> list[str]:
+    """The objects that something touched went into; of the others there are links to those of the base."""
+    compiled = []
+    commands = (base / "build/commands").read_text(encoding="utf-8").replace("\\\n", " ")
+    for command in commands.splitlines():
+        if " -c " not in command or " -o " not in command:
+            continue
+        words = shlex.split(command)
+        target = Path(words[words.index("-o") + 1])
+        if _prerequisites(base / target.with_suffix(".d")) & touched:
+            _run(mutant, words, folder)
+            compiled.append(target.name)
+        else:
+            (folder / target).symlink_to(base / target)
+    return compiled
+
+
+def _prerequisites(file: Path) -> set[str]:
+    """What went into an object, as the compiler has written it down: paths in the copy of the sources."""
+    first = file.read_text(encoding="utf-8").replace("\\\n", " ").splitlines()[0]
+    return {os.path.normpath(name) for name in first.partition(":")[2].split()}
 
 
 def _make(folder: Path) -> None:
@@ -207,7 +229,7 @@ def _make(folder: Path) -> None:
     (folder / "build/commands").write_text(commands, encoding="utf-8")
     (folder / "build/libraries").write_text(libraries, encoding="utf-8")
     source = Path(__file__).parent / "calibration/many_seeds.c"
-    words = ["cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", "-Isrc/oneray", "-c", str(source)]
+    words = ["cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", f"-I{SOURCES}", "-Ibuild", "-c", str(source)]
     _run(None, [*words, "-o", f"build/{MANY_SEEDS}"], folder)
 
 
@@ -220,24 +242,13 @@ def _run(mutant: Mutant | None, words: list[str], folder: Path) -> str:
     return done.stdout
 
 
-def _includes(sources: Path, compiled: Path) -> set[str]:
-    """Names of the files that went into an object, by what they include."""
-    found, left = set(), [f"{compiled.stem.split('_double')[0]}.c"]
-    while left:
-        name = left.pop()
-        if name not in found:
-            found.add(name)
-            left += re.findall(r'^#include "(\S+)"', (sources / name).read_text(), re.MULTILINE)
-    return found
-
-
 def apply(mutant: Mutant, folder: Path) -> set[str]:
-    """Patch the copy of the sources in `folder`: the names of the files that change. Their context may have
-    changed since the patch was made, what it replaces may not.
+    """Patch the copy of the sources in `folder`: the paths there of the files that change. Their context may
+    have changed since the patch was made, what it replaces may not.
     """
     command = ["patch", "-p1", "--fuzz=1", "--no-backup-if-mismatch", "-i", str(mutant.patch)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         said = " ".join((done.stdout + done.stderr).split())
         raise PatchError(f"{mutant.patch.name} no longer applies: {said}")
-    return set(re.findall(r"^\+\+\+ b/src/oneray/(\S+)", mutant.patch.read_text(), re.MULTILINE))
+    return set(re.findall(rf"^\+\+\+ b/({SOURCES}/\S+)", mutant.patch.read_text(), re.MULTILINE))

@@ -3,7 +3,7 @@
 #ifndef ONERAY_EMITTERS_CHOICE_H
 #define ONERAY_EMITTERS_CHOICE_H
 
-#include "emitters/emitter.h"
+#include "emitters/towards.h"
 
 #ifdef SINGLE
 #define NEAREST 1e-30 /* (m²) a light at the very point */
@@ -142,16 +142,6 @@ INLINE LightSample sample_light(
     Real inverse_choice;
     Index i = choose_light(emitters, at, choice[0], choice[1], &inverse_choice, f);
     return sample_light_point(emitters, i, inverse_choice, at, point[0], point[1], f);
-}
-
-/* L13 Multiple importance sampling: the weight of a direction that was sampled by way of the light, given the
-   ratio of the two densities, w_light = p_light^β / (p_light^β + p_bounce^β), β = 1 balance, β = 2 power. The
-   same direction sampled by the bounce gets 1 - w_light: the two always sum to 1. Veach, Robust Monte Carlo
-   Methods, 1997, 9.2. */
-INLINE Real mis_weight_light(Real bounce_over_light, Features f)
-{
-    Real x = f.use & USE_BALANCE ? bounce_over_light : bounce_over_light * bounce_over_light;
-    return real(1) / (real(1) + x);
 }
 
 #endif

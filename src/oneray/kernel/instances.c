@@ -6,7 +6,7 @@
 #error "INSTANCES: the name of the table that this compilation defines; SPECIALISED: all of it inline"
 #endif
 
-#define ROOM (HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT)
+#define ROOM (HAS_PERSPECTIVE | HAS_ALIGNED | HAS_RECTANGLE | HAS_CUBE | HAS_DIFFUSE | HAS_AREA | HAS_FLAT_LIGHT)
 #define ROUND (HAS_SPHERE | HAS_DISK)
 #define MIS (USE_NEE | USE_MIS | USE_COSINE | USE_ROULETTE)
 #define PANELS (MIS | USE_SOLID_ANGLE)

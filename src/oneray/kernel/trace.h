@@ -61,7 +61,7 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
         if (f.use & USE_ROULETTE)
             COPY_LANE(roulette);
         if (f.use & USE_LIGHT_PATHS)
-            COPY_LANE(flux.x), COPY_LANE(flux.y), COPY_LANE(flux.z);
+            COPY_LANE(flux.r), COPY_LANE(flux.g), COPY_LANE(flux.b);
         (void)used;
     }
     *busy |= fresh;
@@ -74,10 +74,7 @@ INLINE void collect(const Path *path, const Queue *queue, const Job *job, Mask *
     unsigned ended = job->splats ? 0 : mask_bits(and_not(*busy, path->alive));
     for (; ended; ended &= ended - 1) {
         int lane = lowest_lane(ended);
-        double *to = job->radiance + 3 * queue->item[lane];
-        to[0] = (double)LANE(path->radiance.x, lane);
-        to[1] = (double)LANE(path->radiance.y, lane);
-        to[2] = (double)LANE(path->radiance.z, lane);
+        light_lane(&path->radiance, lane, job->radiance + 3 * queue->item[lane]);
     }
     *busy = path->alive;
 }
@@ -110,7 +107,7 @@ INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Featur
         if (!any(busy))
             break;
         if ((f.use & USE_LIGHT_PATHS) && job->splats)
-            light_step(&path, scene, queue.item, job->splats, f);
+            light_path_step(&path, scene, queue.item, job->splats, f);
         else
             path_step(&path, scene, f);
         Mask endless = path.alive & (path.depth + 1 >= index_of(PATH_LIMIT));

@@ -1,10 +1,7 @@
 #include "meshes/mesh.h"
 
-#include "message.h"
-
 #include <ctype.h>
 #include <float.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,39 +17,11 @@ double read_text_number(Source *source, const char *of)
         }
     }
     if (!length)
-        fail_in(source, "the %s is missing: a number is wanted", of);
+        fail(source, "the %s is missing: a number is wanted", of);
     for (size_t i = 0; i < length; i++)
         length = isprint((unsigned char)source->at[i]) ? length : i;
-    fail_in(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)(length < 40 ? length : 40),
+    fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)(length < 40 ? length : 40),
         source->at, of, (double)FLT_MAX);
-}
-
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-/* Whatever the numbers' size: no square underflows or overflows. */
-static double length(const double a[3]) { return hypot(hypot(a[0], a[1]), a[2]); }
-
-void normalise(double a[3])
-{
-    double size = length(a);
-    for (int i = 0; i < 3 && size > 0; i++)
-        a[i] /= size;
-}
-
-/* The edges from corner k to the next two, and their cross product; from corner 0, along the normal. */
-static void edges(const Mesh *mesh, int triangle, int k, double a[3], double b[3], double across[3])
-{
-    const int32_t *corner = mesh->triangle[triangle];
-    for (int i = 0; i < 3; i++) {
-        a[i] = mesh->vertex[corner[(k + 1) % 3]][i] - mesh->vertex[corner[k]][i];
-        b[i] = mesh->vertex[corner[(k + 2) % 3]][i] - mesh->vertex[corner[k]][i];
-    }
-    cross(a, b, across);
 }
 
 /* Normals go by the inverse transpose, whose columns are the cross products of the matrix's. */
@@ -60,8 +29,7 @@ static void to_the_world(Mesh *mesh, const Affine *to_world)
 {
     double columns[3][3], cofactors[3][3];
     for (int j = 0; j < 3; j++)
-        for (int i = 0; i < 3; i++)
-            columns[j][i] = to_world->m[i][j];
+        column(to_world, j, columns[j]);
     for (int j = 0; j < 3; j++)
         cross(columns[(j + 1) % 3], columns[(j + 2) % 3], cofactors[j]);
     double sign = dot(columns[0], cofactors[0]) < 0 ? -1 : 1;
@@ -87,7 +55,7 @@ static void compute_normals(Mesh *mesh)
     for (int t = 0; t < mesh->triangle_count; t++)
         for (int k = 0; k < 3; k++) {
             double a[3], b[3], across[3];
-            edges(mesh, t, k, a, b, across);
+            triangle_edges(mesh, t, k, a, b, across);
             double angle = atan2(length(across), dot(a, b));
             normalise(across);
             for (int i = 0; i < 3; i++)
@@ -102,7 +70,7 @@ static void leave_out_flat(Mesh *mesh, const char *file)
     int kept = 0, count = mesh->triangle_count;
     for (int t = 0; t < count; t++) {
         double a[3], b[3], across[3];
-        edges(mesh, t, 0, a, b, across);
+        triangle_edges(mesh, t, 0, a, b, across);
         if (across[0] == 0 && across[1] == 0 && across[2] == 0)
             continue;
         memmove(mesh->triangle[kept++], mesh->triangle[t], sizeof *mesh->triangle);
@@ -129,7 +97,7 @@ static void turn_to_normals(Mesh *mesh)
 {
     for (int t = 0; t < mesh->triangle_count; t++) {
         double a[3], b[3], across[3], along = 0;
-        edges(mesh, t, 0, a, b, across);
+        triangle_edges(mesh, t, 0, a, b, across);
         for (int k = 0; k < 3; k++)
             along += dot(across, mesh->normal[mesh->triangle[t][k]]);
         if (along < 0)

@@ -3,9 +3,18 @@
 #ifndef ONERAY_MESHES_MESH_H
 #define ONERAY_MESHES_MESH_H
 
-#include "scene/description.h"
+#include "message.h"
+#include "vectors.h"
 
-#include <stddef.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Triangles; for a smooth one, unit normals by vertex, else zeros, or NULL if no mesh of the scene has any. */
+typedef struct Mesh {
+    double (*vertex)[3], (*normal)[3];
+    int32_t (*triangle)[3]; /* counter-clockwise as seen from the side of the normal */
+    int vertex_count, triangle_count;
+} Mesh;
 
 /* A file in memory, with a 0 after its last byte, and how far it is read. */
 typedef struct {
@@ -20,14 +29,17 @@ enum { MESH_MOST = 1 << 28 }; /* vertices, or triangles, of a scene: thrice that
 void ply_read(Source *source, Mesh *mesh);
 void obj_read(Source *source, Mesh *mesh);
 
-/* Where the reader is, for a message. */
-#define fail_in(source, ...) die_at((source)->file, (source)->line, __VA_ARGS__)
-
 /* A number of plain text, which ends at a blank; what is it of? Neither nan, inf nor hexadecimal. */
 double read_text_number(Source *source, const char *of);
 
-/* Vectors of length 0 stay. */
-void normalise(double a[3]);
+/* The edges from corner k of a triangle to the next two, and their cross product; from corner 0, along the normal. */
+static inline void triangle_edges(const Mesh *mesh, int triangle, int k, double a[3], double b[3], double across[3])
+{
+    const int32_t *corner = mesh->triangle[triangle];
+    difference(mesh->vertex[corner[(k + 1) % 3]], mesh->vertex[corner[k]], a);
+    difference(mesh->vertex[corner[(k + 2) % 3]], mesh->vertex[corner[k]], b);
+    cross(a, b, across);
+}
 
 /* To the world, turned over by flip_normals, with Mitsuba's vertex normals unless face_normals; triangles
    without area are left out with a warning. */

@@ -1,8 +1,6 @@
 /* OBJ files (Wavefront): v, vn and f; every other statement is ignored. */
 #include "meshes/mesh.h"
 
-#include "message.h"
-
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,11 +38,11 @@ static int read_index(Source *source, const char *of, int count)
     char *end;
     long value = strtol(source->at, &end, 10);
     if (end == source->at || *source->at == '+' || *source->at == ' ')
-        fail_in(source, "a corner of the face is no v, v/vt, v//vn or v/vt/vn");
+        fail(source, "a corner of the face is no v, v/vt, v//vn or v/vt/vn");
     source->at = end;
     long index = value < 0 ? count + 1 + value : value;
     if (index < 1 || index > count)
-        fail_in(source, "the face refers to %s %ld, but there are %d so far", of, value, count);
+        fail(source, "the face refers to %s %ld, but there are %d so far", of, value, count);
     return (int)index;
 }
 
@@ -84,7 +82,7 @@ static void read_face(Source *source, Obj *obj, Mesh *mesh)
         int key[3];
         read_corner(source, obj, key);
         if (*source->at && !strchr(" \t\r\n", *source->at))
-            fail_in(source, "a corner of the face is no v, v/vt, v//vn or v/vt/vn");
+            fail(source, "a corner of the face is no v, v/vt, v//vn or v/vt/vn");
         if (corners >= 3)
             fan[1] = fan[2];
         fan[corners < 3 ? corners : 2] = vertex_of(obj, key);
@@ -94,7 +92,7 @@ static void read_face(Source *source, Obj *obj, Mesh *mesh)
         memcpy(mesh->triangle[mesh->triangle_count++], fan, sizeof fan);
     }
     if (corners < 3)
-        fail_in(source, "the face has %d corners: three or more are wanted", corners);
+        fail(source, "the face has %d corners: three or more are wanted", corners);
 }
 
 static void read_statement(Source *source, Obj *obj, Mesh *mesh)
@@ -113,14 +111,14 @@ static void read_statement(Source *source, Obj *obj, Mesh *mesh)
         read_triple(source, "normal's coordinate", normal);
         normalise(normal);
         if (normal[0] == 0 && normal[1] == 0 && normal[2] == 0)
-            fail_in(source, "a normal must not be 0");
+            fail(source, "a normal must not be 0");
     } else if (length == 2 && !strncmp(word, "vt", 2)) {
         obj->texture_count++;
     } else if (length == 1 && *word == 'f') {
         read_face(source, obj, mesh);
     }
     if (obj->point_count > MESH_MOST || mesh->triangle_count > MESH_MOST)
-        fail_in(source, "more than %d vertices or triangles", MESH_MOST);
+        fail(source, "more than %d vertices or triangles", MESH_MOST);
 }
 
 void obj_read(Source *source, Mesh *mesh)
@@ -145,7 +143,7 @@ void obj_read(Source *source, Mesh *mesh)
             memcpy(mesh->normal[v], obj.normals[key[2] - 1], sizeof *mesh->normal);
     }
     if (with_normal && with_normal < obj.corner_count)
-        fail_in(source, "%d of %d vertices have no normal: all or none must have one",
+        fail(source, "%d of %d vertices have no normal: all or none must have one",
             obj.corner_count - with_normal, obj.corner_count);
     if (!with_normal) {
         free(mesh->normal);

@@ -2,10 +2,7 @@
    its declared type. */
 #include "meshes/mesh.h"
 
-#include "message.h"
-
 #include <float.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -50,7 +47,7 @@ static void next_word(Source *source, char word[WORD])
     skip_blanks(source, " \t\r");
     size_t length = strcspn(source->at, " \t\r\n");
     if (length >= WORD)
-        fail_in(source, "a word of the header is longer than %d bytes: this is no PLY file", WORD - 1);
+        fail(source, "a word of the header is longer than %d bytes: this is no PLY file", WORD - 1);
     memcpy(word, source->at, length);
     word[length] = '\0';
     source->at += length;
@@ -61,7 +58,7 @@ static void end_line(Source *source)
     char word[WORD];
     next_word(source, word);
     if (*word || *source->at != '\n')
-        fail_in(source, "the header's line should end before \"%s\"", *word ? word : "the end of the file");
+        fail(source, "the header's line should end before \"%s\"", *word ? word : "the end of the file");
     source->at++;
     source->line++;
 }
@@ -73,7 +70,7 @@ static Type next_type(Source *source)
     for (int type = 0; type < TYPES; type++)
         if (!strcmp(word, type_names[type][0]) || !strcmp(word, type_names[type][1]))
             return (Type)type;
-    fail_in(source, "\"%s\" is no type of PLY (char, uchar, short, ushort, int, uint, float, double)", word);
+    fail(source, "\"%s\" is no type of PLY (char, uchar, short, ushort, int, uint, float, double)", word);
 }
 
 static void read_format(Source *source, Header *header)
@@ -86,36 +83,36 @@ static void read_format(Source *source, Header *header)
     while (format < 3 && strcmp(word, formats[format]) != 0)
         format++;
     if (format == 3 || strcmp(version, "1.0") != 0)
-        fail_in(source, "the format \"%s %s\" is not supported (ascii 1.0, binary_little_endian 1.0, "
+        fail(source, "the format \"%s %s\" is not supported (ascii 1.0, binary_little_endian 1.0, "
             "binary_big_endian 1.0)", word, version);
     header->format = (Format)format;
 }
 
-static void read_element(Source *source, Header *header)
+static void read_header_element(Source *source, Header *header)
 {
     char count[WORD], *end;
     if (header->element_count == MOST_ELEMENTS)
-        fail_in(source, "more than %d elements are not supported", MOST_ELEMENTS);
+        fail(source, "more than %d elements are not supported", MOST_ELEMENTS);
     Element *element = &header->elements[header->element_count++];
     element->line = source->line;
     next_word(source, element->name);
     next_word(source, count);
     long value = strtol(count, &end, 10);
     if (end == count || *end || value < 0 || value > MESH_MOST)
-        fail_in(source, "\"%s\" is no number of elements (0 to %d)", count, MESH_MOST);
+        fail(source, "\"%s\" is no number of elements (0 to %d)", count, MESH_MOST);
     element->count = (int)value;
 }
 
-static void read_property(Source *source, Header *header)
+static void read_header_property(Source *source, Header *header)
 {
     static const char *const coordinates[] = {"x", "y", "z", "nx", "ny", "nz"};
     PlyProperty property = {.role = SKIPPED};
     char name[WORD];
     if (!header->element_count)
-        fail_in(source, "a property before the first element");
+        fail(source, "a property before the first element");
     Element *element = &header->elements[header->element_count - 1];
     if (element->property_count == MOST_PROPERTIES)
-        fail_in(source, "more than %d properties are not supported", MOST_PROPERTIES);
+        fail(source, "more than %d properties are not supported", MOST_PROPERTIES);
     skip_blanks(source, " \t");
     property.is_list = !strncmp(source->at, "list ", 5);
     if (property.is_list) {
@@ -131,10 +128,10 @@ static void read_property(Source *source, Header *header)
         if (!strcmp(name, coordinates[i]))
             property.role = (Role)i;
     if (property.role == CORNERS && (property.type >= FLOAT32 || property.length_type >= FLOAT32))
-        fail_in(source, "\"%s\" must be a list of integers, its length too", name);
+        fail(source, "\"%s\" must be a list of integers, its length too", name);
     for (int i = 0; i < element->property_count && property.role != SKIPPED; i++)
         if (element->properties[i].role == property.role)
-            fail_in(source, "the property \"%s\" is given twice", name);
+            fail(source, "the property \"%s\" is given twice", name);
     element->properties[element->property_count++] = property;
 }
 
@@ -143,7 +140,7 @@ static void read_header(Source *source, Header *header)
     char word[WORD];
     bool has_format = false;
     if (strncmp(source->at, "ply", 3) != 0 || !strchr(" \t\r\n", source->at[3]))
-        fail_in(source, "this is no PLY file: its first line must be \"ply\"");
+        fail(source, "this is no PLY file: its first line must be \"ply\"");
     source->at += 3;
     for (end_line(source);; end_line(source)) {
         next_word(source, word);
@@ -153,13 +150,13 @@ static void read_header(Source *source, Header *header)
             read_format(source, header);
             has_format = true;
         } else if (!strcmp(word, "element")) {
-            read_element(source, header);
+            read_header_element(source, header);
         } else if (!strcmp(word, "property")) {
-            read_property(source, header);
+            read_header_property(source, header);
         } else if (!strcmp(word, "end_header") && has_format) {
             break;
         } else {
-            fail_in(source, "the header has \"%s\" (format once, comment, element, property, end_header)",
+            fail(source, "the header has \"%s\" (format once, comment, element, property, end_header)",
                 word);
         }
     }
@@ -209,17 +206,17 @@ static double next_number(Source *source, Format format, Type type, const Elemen
     if (format == ASCII) {
         skip_blanks(source, " \t\r\n");
         if (source->at == source->end)
-            fail_in(source, "the file ends before the %d elements \"%s\" of line %d do", element->count,
+            fail(source, "the file ends before the %d elements \"%s\" of line %d do", element->count,
                 element->name, element->line);
         double value = read_text_number(source, "value of PLY");
         if (type < FLOAT32 && value != rint(value))
-            fail_in(source, "%g is no integer, and a value of type %s is wanted", value, type_names[type][0]);
+            fail(source, "%g is no integer, and a value of type %s is wanted", value, type_names[type][0]);
         return value;
     }
     const uint16_t one = 1;
     bool little = *(const unsigned char *)&one == 1;
     if ((size_t)(source->end - source->at) < type_bytes[type])
-        fail_in(source, "the file ends before the %d elements \"%s\" of this line do", element->count,
+        fail(source, "the file ends before the %d elements \"%s\" of this line do", element->count,
             element->name);
     double value = binary_number(source->at, type, little != (format == LITTLE_ENDIAN_));
     source->at += type_bytes[type];
@@ -231,11 +228,11 @@ static void read_corners(Source *source, double length, const double corners[3],
 {
     int number = mesh->triangle_count;
     if (length != 3)
-        fail_in(source, "face %d has %.9g corners: only triangles are supported, as in Mitsuba", number,
+        fail(source, "face %d has %.9g corners: only triangles are supported, as in Mitsuba", number,
             length);
     for (int k = 0; k < 3; k++) {
         if (!(corners[k] >= 0 && corners[k] < mesh->vertex_count))
-            fail_in(source, "face %d has the vertex %.9g, but there are only 0 to %d", number, corners[k],
+            fail(source, "face %d has the vertex %.9g, but there are only 0 to %d", number, corners[k],
                 mesh->vertex_count - 1);
         mesh->triangle[number][k] = (int32_t)corners[k];
     }
@@ -245,7 +242,7 @@ static void read_corners(Source *source, double length, const double corners[3],
 static void keep_number(Source *source, Role role, double value, int vertex, Mesh *mesh)
 {
     if (!(fabs(value) <= (double)FLT_MAX))
-        fail_in(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value,
+        fail(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value,
             (double)FLT_MAX);
     if (role <= Z)
         mesh->vertex[vertex][role] = value;
@@ -261,7 +258,7 @@ static void read_one(Source *source, Format format, const Element *element, int 
         if (property->is_list)
             length = next_number(source, format, property->length_type, element);
         if (!(length >= 0) || length != rint(length))
-            fail_in(source, "a list of %g numbers in element %d of \"%s\"", length, number, element->name);
+            fail(source, "a list of %g numbers in element %d of \"%s\"", length, number, element->name);
         for (double k = 0; k < length; k++) {
             value = next_number(source, format, property->type, element);
             if (k < 3)
@@ -318,7 +315,7 @@ void ply_read(Source *source, Mesh *mesh)
     if (header->format == ASCII)
         skip_blanks(source, " \t\r\n");
     if (source->at != source->end)
-        fail_in(source, "%zu bytes are left after all elements", (size_t)(source->end - source->at));
+        fail(source, "%zu bytes are left after all elements", (size_t)(source->end - source->at));
     for (int v = 0; mesh->normal && v < mesh->vertex_count; v++)
         normalise(mesh->normal[v]);
     free(header);

@@ -4,51 +4,19 @@
 
 #include "prepare/shapes.h"
 
-/* A light as the tree knows it. */
-typedef struct {
-    int emitter;
-    double center[3], radius;
-    double axis[3], spread; /* the cone around what it shines along, half its angle; π: all around */
-    double power, far;      /* W·sr⁻¹, W·m⁻² */
-    double key;             /* to sort by */
-} Leaf;
-
 /* largest: the largest emission, which powers are relative to, so that none overflows. */
 static Leaf leaf_of(const Emitters *emitters, int i, double largest)
 {
     Leaf leaf = {.emitter = i, .axis = {0, 0, 1}, .spread = PI};
-    double x[3], y[3];
     for (int c = 0; c < 3; c++) {
         leaf.center[c] = (double)emitters->position[i][c];
         leaf.power += (double)emitters->emission[i][c] / largest / 3;
-        x[c] = (double)emitters->edge_x[i][c];
-        y[c] = (double)emitters->edge_y[i][c];
     }
-    switch (emitters->site[i]) {
-    case SITE_RECTANGLE:
-    case SITE_DISK:
-    case SITE_TRIANGLE:
-        for (int c = 0; c < 3; c++)
-            leaf.axis[c] = (double)emitters->normal[i][c];
-        leaf.radius = length(x) + length(y);
-        leaf.spread = 0;
-        leaf.power *= (double)emitters->area[i];
-        break;
-    case SITE_SPHERE:
-        leaf.radius = fabs((double)emitters->radius[i]);
-        leaf.power *= PI * leaf.radius * leaf.radius;
-        break;
-    case SITE_SPOT:
-        memcpy(leaf.axis, x, sizeof x);
-        leaf.spread = (double)emitters->cutoff[i];
-        break;
-    case SITE_POINT: break;
-    default: /* as seen from wherever the scene is */
-        for (int c = 0; c < 3; c++)
-            leaf.center[c] = (double)emitters->world_center[c];
-        leaf.far = leaf.power * (emitters->site[i] == SITE_CONSTANT ? PI : 1);
-        leaf.power = 0;
-    }
+#define X(NAME, name, words)                                                                                 \
+    if (emitters->site[i] == SITE_##NAME || (SITE_##NAME == SITE_AREA && emitters->slot[i] >= 0))            \
+        name##_leaf(emitters, i, &leaf);
+    EMITTERS(X)
+#undef X
     return leaf;
 }
 

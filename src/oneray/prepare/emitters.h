@@ -8,7 +8,7 @@
 static double bounding_ball(const Description *d, double center[3])
 {
     double low[3], high[3], half[3];
-    bounds_of_scene(d, low, high);
+    scene_bounds(d, low, high);
     for (int axis = 0; axis < 3; axis++) {
         center[axis] = (high[axis] + low[axis]) / 2;
         half[axis] = (high[axis] - low[axis]) / 2;
@@ -22,63 +22,22 @@ static int sites_of(const Description *d, const Emitter *light)
 {
     if (!emitter_has_power(light))
         return 0;
-    if (light->kind != EMITTER_AREA)
-        return 1;
-    const Shape *shape = &d->shapes[light->shape];
-    return shape->kind == SHAPE_MESH ? shape->triangle_count : slots_of(shape->kind);
-}
-
-/* A triangle's center, two sides, and their cross product. */
-static void triangle_of(
-    const Description *d, int triangle, double center[3], double a[3], double b[3], double across[3])
-{
-    const int32_t *corner = d->mesh.triangle[triangle];
-    const double(*vertex)[3] = (const double(*)[3])d->mesh.vertex;
-    for (int i = 0; i < 3; i++) {
-        a[i] = vertex[corner[1]][i] - vertex[corner[0]][i];
-        b[i] = vertex[corner[2]][i] - vertex[corner[0]][i];
-        center[i] = vertex[corner[0]][i] + (a[i] + b[i]) / 3;
-    }
-    cross(a, b, across);
-}
-
-/* Area (m²) of side k of a shape. */
-static double side_area(const Description *d, const Shape *shape, int k)
-{
-    double a[3], b[3], across[3];
-    if (shape->kind == SHAPE_MESH) {
-        triangle_of(d, shape->first_triangle + k, (double[3]){0}, a, b, across);
-        return length(across) / 2;
-    }
-    int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
-    column(&shape->to_world, (axis + 1) % 3, a);
-    column(&shape->to_world, (axis + 2) % 3, b);
-    cross(a, b, across);
-    switch (shape->kind) {
-    case SHAPE_SPHERE: return 4 * PI * dot(a, a);
-    case SHAPE_DISK: return PI * length(across);
-    default: return 4 * length(across);
-    }
+    return light->shape < 0 ? 1 : shape_sides(&d->shapes[light->shape]);
 }
 
 /* The mean of the channels. */
 static double mean_emission(const Emitter *light)
 {
-    return (light->emission[0] + light->emission[1] + light->emission[2]) / 3;
+    const double *emission = emitter_emission(light);
+    return (emission[0] + emission[1] + emission[2]) / 3;
 }
 
 /* Flux (W) over the largest mean emission in the scene, with which it might overflow, in a scene of radius r: what
-   the choice by power goes by. A spot's cone is taken to its middle. */
+   the choice by power goes by. */
 static double power_of(const Description *d, const Emitter *light, int side, double r, double largest_mean)
 {
-    double mean = mean_emission(light) / largest_mean;
-    switch (light->kind) {
-    case EMITTER_AREA: return PI * side_area(d, &d->shapes[light->shape], side) * mean;
-    case EMITTER_POINT: return 4 * PI * mean;
-    case EMITTER_SPOT: return 2 * PI * (1 - cos((light->cutoff_angle + light->beam_width) / 2)) * mean;
-    case EMITTER_DIRECTIONAL: return PI * r * r * mean;
-    default: return 4 * PI * PI * r * r * mean;
-    }
+    double area = light->shape < 0 ? 0 : shape_side(&d->shapes[light->shape], side).area;
+    return emitter_flux(light, area, r) * (mean_emission(light) / largest_mean);
 }
 
 /* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is light i up to alias_share[i],
@@ -117,22 +76,18 @@ static void prepare_triangle_site(
 {
     Emitters *emitters = &scene->emitters;
     const Shape *shape = &d->shapes[light->shape];
-    int triangle = shape->first_triangle + k, slot = scene->shapes.triangles.first_slot + triangle;
-    double center[3], a[3], b[3], normal[3];
-    triangle_of(d, triangle, center, a, b, normal);
-    double size = length(normal);
-    for (int j = 0; j < 3; j++)
-        normal[j] = size > 0 ? normal[j] / size : 0;
-    emitters->site[i] = SITE_TRIANGLE;
-    emitters->area[i] = (Num)(size / 2);
+    int slot = scene->shapes.triangles.first_slot + shape->as.mesh.first_triangle + k;
+    Side side = shape_side(shape, k);
+    emitters->site[i] = SITE_MESH;
+    emitters->area[i] = (Num)side.area;
     emitters->slot[i] = slot;
-    store(emitters->position[i], center);
-    store(emitters->edge_x[i], a);
-    store(emitters->edge_y[i], b);
-    store(emitters->normal[i], normal);
+    store(emitters->position[i], side.middle);
+    store(emitters->edge_x[i], side.x);
+    store(emitters->edge_y[i], side.y);
+    store(emitters->normal[i], side.normal);
     if (k > 0)
         return;
-    store(emitters->slot_emission[row], light->emission);
+    store(emitters->slot_emission[row], emitter_emission(light));
     emitters->slot_light[row] = i - slot;
 }
 
@@ -153,46 +108,41 @@ static void prepare_site(Scene *scene, const Description *d, const Emitter *ligh
 {
     Emitters *emitters = &scene->emitters;
     const Shape *shape = &d->shapes[light->shape];
-    int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
-    double a[3], b[3], c[3], p[3];
-    column(&shape->to_world, (axis + 1) % 3, a);
-    column(&shape->to_world, (axis + 2) % 3, b);
-    column(&shape->to_world, axis, c);
-    column(&shape->to_world, 3, p);
-    for (int j = 0; shape->kind == SHAPE_CUBE && j < 3; j++)
-        p[j] += (1 - 2 * (k % 2)) * c[j];
-    const Site sites[SHAPE_KINDS] = {SITE_SPHERE, SITE_RECTANGLE, SITE_DISK, SITE_RECTANGLE, SITE_TRIANGLE};
-    emitters->site[i] = (Int)sites[shape->kind];
-    emitters->area[i] = (Num)side_area(d, shape, k);
+    Side side = shape_side(shape, k);
+    bool panel = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_CUBE;
+    emitters->site[i] = panel ? SITE_RECTANGLE : (Int)shape->kind; /* shapes are the first sites */
+    emitters->area[i] = (Num)side.area;
     emitters->slot[i] = slot;
-    store(emitters->position[i], p);
-    store(emitters->edge_x[i], a);
-    store(emitters->edge_y[i], b);
-    if (shape->kind == SHAPE_SPHERE)
+    store(emitters->position[i], side.middle);
+    store(emitters->edge_x[i], side.x);
+    store(emitters->edge_y[i], side.y);
+    if (!shape_planes(shape->kind))
         emitters->radius[i] = scene->shapes.anchor[slot][3];
     else
         memcpy(emitters->normal[i], scene->shapes.anchor[slot], sizeof emitters->normal[i]);
-    if (sites[shape->kind] == SITE_RECTANGLE && fabs(dot(a, b)) <= 1e-12 * length(a) * length(b))
-        prepare_panel(emitters->panel[i], length(a), length(b));
-    store(emitters->slot_emission[slot], light->emission);
+    if (panel && fabs(dot(side.x, side.y)) <= 1e-12 * length(side.x) * length(side.y))
+        prepare_panel(emitters->panel[i], length(side.x), length(side.y));
+    store(emitters->slot_emission[slot], emitter_emission(light));
     emitters->slot_light[slot] = i;
 }
 
-static void prepare_delta(Emitters *emitters, const Emitter *light, int i)
+/* A light that is no shape. */
+static void prepare_free(Emitters *emitters, const Emitter *light, int i)
 {
-    const Site sites[EMITTER_KINDS] = {SITE_RECTANGLE, SITE_POINT, SITE_SPOT, SITE_DIRECTIONAL, SITE_CONSTANT};
-    emitters->site[i] = (Int)sites[light->kind];
     emitters->area[i] = 1;
     emitters->slot[i] = -1;
-    store(emitters->position[i], light->position);
-    store(emitters->edge_x[i], light->direction);
-    emitters->cutoff[i] = (Num)light->cutoff_angle;
-    emitters->beam[i] = (Num)light->beam_width;
-    emitters->radius[i] = (Num)(2 * pow(sin(light->cutoff_angle / 2), 2));
-    if (light->kind != EMITTER_CONSTANT)
-        return;
-    store(emitters->environment, light->emission);
-    emitters->environment_light = i;
+    switch (light->kind) {
+#define X(NAME, name, words)                                                                                 \
+    case EMITTER_##NAME:                                                                                     \
+        emitters->site[i] = SITE_##NAME;                                                                     \
+        name##_put(&light->as.name, emitters, i);                                                            \
+        break;
+        EMITTERS(X)
+#undef X
+    default: break;
+    }
+    if (emitter_from(light->kind) == FROM_AROUND)
+        emitters->sky = i;
 }
 
 static void keep_emitters(Scene *scene)
@@ -207,6 +157,7 @@ static void keep_emitters(Scene *scene)
     emitters->normal = keep(scene, n, sizeof *emitters->normal);
     emitters->panel = keep(scene, n, sizeof *emitters->panel);
     emitters->radius = keep(scene, n, sizeof *emitters->radius);
+    emitters->extent = keep(scene, n, sizeof *emitters->extent);
     emitters->cutoff = keep(scene, n, sizeof *emitters->cutoff);
     emitters->beam = keep(scene, n, sizeof *emitters->beam);
     emitters->area = keep(scene, n, sizeof *emitters->area);
@@ -250,14 +201,14 @@ static void prepare_emitters(
     for (int i = 0, site = 0; i < d->emitter_count; i++)
         for (int k = 0; k < sites_of(d, &d->emitters[i]); k++, site++) {
             const Emitter *light = &d->emitters[i];
-            store(emitters->emission[site], light->emission);
+            store(emitters->emission[site], emitter_emission(light));
             power[site] = power_of(d, light, k, radius, largest_mean);
             if (light->kind == EMITTER_AREA && d->shapes[light->shape].kind == SHAPE_MESH)
                 prepare_triangle_site(scene, d, light, site, k, first_slot[light->shape]);
             else if (light->kind == EMITTER_AREA)
                 prepare_site(scene, d, light, site, k, first_slot[light->shape] + k);
             else
-                prepare_delta(emitters, light, site);
+                prepare_free(emitters, light, site);
         }
     if (scene->features.use & USE_CONTRIBUTION)
         prepare_tree(scene);

@@ -5,95 +5,144 @@
 
 #include "prepare/shapes.h"
 
+/* The largest row of any kind of material in the mask, in numbers, and room for what light_gather reads beyond. */
+static Int row_stride(Features f)
+{
+    size_t most = 4;
+#define X(NAME, name, words)                                                                                 \
+    if ((f.has & HAS_##NAME) && most < sizeof(struct name##_row) / sizeof(Num))                              \
+        most = sizeof(struct name##_row) / sizeof(Num);
+    MATERIALS(X)
+#undef X
+    return (Int)most;
+}
+
 /* A part of a blend: a material that is no blend, or MATERIAL_NONE, and its share of the whole. */
 typedef struct {
     int material;
     double share;
-} Part;
+} Share;
 
 /* L16 The parts of a material on one side of a surface: nested blends multiply their weights. Fills parts, if
    not NULL; returns how many there are. */
-static int parts_of(const Description *d, int material, double share, Part *parts)
+static int parts_of(const Description *d, int material, double share, Share *parts)
 {
     if (share == 0)
         return 0;
     if (material == MATERIAL_NONE || d->materials[material].kind != MATERIAL_BLEND) {
         if (parts)
-            *parts = (Part){material, share};
+            *parts = (Share){material, share};
         return 1;
     }
-    const Material *blend = &d->materials[material];
+    const Blend *blend = &d->materials[material].as.blend;
     int first = parts_of(d, blend->first, share * (1 - blend->weight), parts);
     return first + parts_of(d, blend->second, share * blend->weight, parts ? parts + first : NULL);
 }
 
-static int is_specular(const Description *d, Part part)
+static bool is_kind(const Description *d, Share part, MaterialKind kind)
 {
-    return part.material != MATERIAL_NONE && d->materials[part.material].kind != MATERIAL_DIFFUSE;
+    return part.material == MATERIAL_NONE ? kind == MATERIAL_DIFFUSE : d->materials[part.material].kind == kind;
 }
 
-/* The mirror or glass of a row; side 1 is the inside. */
-static void set_specular(Materials *m, int row, const Material *material, int side)
+static bool part_is_finite(const Description *d, Share part)
 {
-    store(m->albedo[row], material->reflectance);
-    m->kind[row] = (Int)material->kind;
-    if (!m->eta)
-        return;
-    if (material->kind == MATERIAL_DIELECTRIC) {
-        m->eta[row][0] = (Num)(side ? material->ior : 1 / material->ior);
-        store(m->k[row], material->transmittance);
-        return;
-    }
-    for (int c = 0; c < 3; c++) {
-        m->eta[row][c] = (Num)material->eta[c];
-        m->k[row][c] = material->fresnel ? (Num)material->k[c] : -1;
-    }
+    bool finite = false;
+#define X(NAME, name, words) finite |= is_kind(d, part, MATERIAL_##NAME);
+    FINITE_MATERIALS(X)
+#undef X
+    return finite;
 }
 
-/* Puts the diffuse parts together into one, f_r adding up; the others stay as they are, in order. Returns how
-   many others there are; the share of the diffuse one is 0 if there is none. */
-static int sort_parts(const Description *d, Part *parts, int count, double *diffuse, double albedo[3])
+/* Puts the parts that are no delta in front, in their order, and the diffuse ones together into one, f_r adding up:
+   `albedo` gets that one's reflectance times its share. Returns how many parts are left, and how many of them are
+   finite. */
+static int sort_parts(const Description *d, Share *parts, int count, double albedo[3], int *finite)
 {
-    int specular = 0;
+    Share *others = allocate((size_t)count, sizeof *others);
+    Share diffuse = {MATERIAL_NONE, 0};
+    int left = 0;
     for (int i = 0; i < count; i++) {
-        if (is_specular(d, parts[i])) {
-            parts[specular++] = parts[i];
+        if (!is_kind(d, parts[i], MATERIAL_DIFFUSE)) {
+            others[left++] = parts[i];
             continue;
         }
-        *diffuse += parts[i].share;
+        diffuse.share += parts[i].share;
         for (int c = 0; c < 3 && parts[i].material != MATERIAL_NONE; c++)
-            albedo[c] += parts[i].share * d->materials[parts[i].material].reflectance[c];
+            albedo[c] += parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance[c];
     }
-    return specular;
+    int used = 0;
+    if (diffuse.share > 0)
+        parts[used++] = diffuse;
+    *finite = used;
+    for (int delta = 0; delta < 2; delta++)
+        for (int i = 0; i < left; i++)
+            if (part_is_finite(d, others[i]) == !delta) {
+                parts[used++] = others[i];
+                *finite += !delta;
+            }
+    free(others);
+    return used;
 }
 
-/* Row `row` and, from `more` on, the rows that a blend goes on with; returns the first row that is still free.
-   The diffuse part comes first, so that light sampling finds it. */
+/* The numbers of one material; side 1 is the inside. One that is no delta has its share in the reflectance. */
+static void set_row(Materials *m, const Description *d, int row, Share part, const double albedo[3], int side)
+{
+    Num *numbers = m->numbers + row * m->stride;
+    const Material *material = part.material == MATERIAL_NONE ? NULL : &d->materials[part.material];
+    if (!material) {
+        store(numbers, albedo);
+        return;
+    }
+    m->kind[row] = (Int)material->kind;
+    switch (material->kind) {
+#define X(NAME, name, words)                                                                                 \
+    case MATERIAL_##NAME: name##_row(&material->as.name, side, (struct name##_row *)(void *)numbers); break;
+        MATERIALS(X)
+#undef X
+    default: break;
+    }
+    for (int c = 0; c < 3 && part_is_finite(d, part); c++)
+        numbers[c] *= (Num)part.share;
+}
+
+/* Row `row` and, from `more` on, the rows that a blend goes on with; returns the first row that is still free. */
 static int set_rows(Materials *m, const Description *d, int row, int more, int material, int side)
 {
-    int count = parts_of(d, material, 1, NULL);
-    Part *parts = allocate((size_t)count, sizeof *parts);
-    double diffuse = 0, albedo[3] = {0}, left = 1;
+    int count = parts_of(d, material, 1, NULL), finite;
+    Share *parts = allocate((size_t)count, sizeof *parts);
+    double albedo[3] = {0}, left = 1;
     parts_of(d, material, 1, parts);
-    int specular = sort_parts(d, parts, count, &diffuse, albedo), layers = specular + (diffuse > 0);
+    int layers = sort_parts(d, parts, count, albedo, &finite);
     for (int k = 0; k < layers; k++) {
-        int part = k - (diffuse > 0), last = k + 1 == layers;
-        double share = part < 0 ? diffuse : parts[part].share;
-        if (part < 0)
-            store(m->albedo[row], albedo);
-        else
-            set_specular(m, row, &d->materials[parts[part].material], side);
-        if (m->share) {
-            m->share[row] = last ? (k ? 2 : 1) : (Num)(share / left); /* 2: above every random number */
+        int last = k + 1 == layers;
+        set_row(m, d, row, parts[k], albedo, side);
+        if (m->chance) {
+            m->chance[row] = last ? (k ? 2 : 1) : (Num)(parts[k].share / left); /* 2: above every random number */
+            m->share[row] = (Num)parts[k].share;
             m->next[row] = more;
         }
-        left -= share;
+        left -= parts[k].share;
         row = more;
         more += !last;
     }
     m->layers = layers > m->layers ? layers : m->layers;
     free(parts);
     return more;
+}
+
+/* Has some blend several parts that are no delta, which are evaluated together? */
+static bool has_finite_parts(const Description *d)
+{
+    bool has = false;
+    for (int i = 0; i < d->material_count && !has; i++) {
+        int count = parts_of(d, i, 1, NULL), finite;
+        Share *parts = allocate((size_t)count, sizeof *parts);
+        parts_of(d, i, 1, parts);
+        sort_parts(d, parts, count, (double[3]){0}, &finite);
+        has = finite > 1;
+        free(parts);
+    }
+    return has;
 }
 
 static void prepare_materials(Scene *scene, const Description *d, const int *first_slot)
@@ -105,13 +154,11 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
         for (int side = 0; side < 2; side++)
             rows += (size_t)slots_of(d->shapes[i].kind)
                     * (size_t)parts_of(d, side ? d->shapes[i].back : d->shapes[i].front, 1, NULL);
-    m->albedo = keep(scene, rows, sizeof *m->albedo);
+    m->stride = row_stride(scene->features);
+    m->numbers = keep(scene, rows, (size_t)m->stride * sizeof *m->numbers);
     m->kind = keep(scene, rows, sizeof *m->kind);
-    if (scene->features.has & (HAS_FRESNEL | HAS_DIELECTRIC)) {
-        m->eta = keep(scene, rows, sizeof *m->eta);
-        m->k = keep(scene, rows, sizeof *m->k);
-    }
     if (scene->features.has & HAS_BLEND) {
+        m->chance = keep(scene, rows, sizeof *m->chance);
         m->share = keep(scene, rows, sizeof *m->share);
         m->next = keep(scene, rows, sizeof *m->next);
     }

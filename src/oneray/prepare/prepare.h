@@ -8,49 +8,24 @@
 
 static void prepare_camera(Camera *camera, const Sensor *sensor)
 {
-    double axis[3];
-    column(&sensor->to_world, 3, axis);
-    store(camera->origin, axis);
-    for (int j = 0; j < 3; j++) {
-        const double scale[3] = {sensor->tan_half_x, sensor->tan_half_y, 1};
-        Num *const to[3] = {camera->left, camera->up, camera->forward};
-        column(&sensor->to_world, j, axis);
-        double one = length(axis);
-        for (int i = 0; i < 3; i++)
-            axis[i] *= scale[j] / one;
-        store(to[j], axis);
-    }
-    camera->near_clip = (Num)sensor->near_clip;
-    camera->far_clip = (Num)sensor->far_clip;
-    camera->pixel_width = (Num)(2.0 / sensor->width);
-    camera->pixel_height = (Num)(2.0 / sensor->height);
-    double area = 4;
-    for (int j = 0; j < 2; j++) {
-        double half = j ? sensor->tan_half_y : sensor->tan_half_x;
-        column(&sensor->to_world, j, axis);
-        double one = length(axis);
-        for (int i = 0; i < 3; i++)
-            axis[i] /= one * half;
-        store(j ? camera->to_up : camera->to_left, axis);
-        area *= half;
-    }
-    camera->film_area = (Num)area;
+    camera->kind = sensor->kind;
+#define X(NAME, name, words)                                                                                 \
+    if (sensor->kind == SENSOR_##NAME)                                                                       \
+        name##_row(&sensor->as.name, sensor->width, sensor->height, &camera->as.name);
+    SENSORS(X)
+#undef X
 }
+
+static uint64_t bit(int kind, int first) { return (uint64_t)1 << (first + kind); }
+#define HAS_OF(FIRST, kind) bit((int)(kind), BIT_HAS_##FIRST)
 
 static uint64_t features_of_emitter(const Description *d, const Emitter *light)
 {
-    switch (light->kind) {
-    case EMITTER_AREA:
-        switch (d->shapes[light->shape].kind) {
-        case SHAPE_SPHERE: return HAS_AREA | HAS_SPHERE_LIGHT;
-        case SHAPE_MESH: return HAS_AREA | HAS_MESH_LIGHT;
-        default: return HAS_AREA | HAS_FLAT_LIGHT;
-        }
-    case EMITTER_POINT: return HAS_POINT;
-    case EMITTER_SPOT: return HAS_SPOT;
-    case EMITTER_DIRECTIONAL: return HAS_DIRECTIONAL;
-    default: return HAS_CONSTANT;
-    }
+    uint64_t has = HAS_OF(AREA, light->kind);
+    if (light->shape < 0)
+        return has;
+    ShapeKind shape = d->shapes[light->shape].kind;
+    return has | (shape == SHAPE_MESH ? HAS_MESH_LIGHT : shape_planes(shape) ? HAS_FLAT_LIGHT : HAS_SPHERE_LIGHT);
 }
 
 static uint64_t features_of_material(const Description *d, int index)
@@ -58,20 +33,18 @@ static uint64_t features_of_material(const Description *d, int index)
     if (index == MATERIAL_NONE)
         return 0;
     const Material *material = &d->materials[index];
-    switch (material->kind) {
-    case MATERIAL_CONDUCTOR: return HAS_CONDUCTOR | (material->fresnel ? HAS_FRESNEL : 0);
-    case MATERIAL_DIELECTRIC: return HAS_DIELECTRIC;
-    case MATERIAL_BLEND:
-        return HAS_BLEND | features_of_material(d, material->first) | features_of_material(d, material->second);
-    default: return HAS_DIFFUSE;
-    }
+    if (material->kind == MATERIAL_BLEND)
+        return HAS_BLEND | features_of_material(d, material->as.blend.first)
+               | features_of_material(d, material->as.blend.second);
+    bool metal = material->kind == MATERIAL_CONDUCTOR && material->as.conductor.fresnel;
+    return HAS_OF(DIFFUSE, material->kind) | (metal ? HAS_FRESNEL : 0);
 }
 
 /* What the technique does with lights of these kinds. */
 static uint64_t uses_of_lights(const Technique *technique, Features features)
 {
     uint64_t f = USE_NEE, has = features.has;
-    if (technique->estimator == ESTIMATOR_MIS && (has & (HAS_AREA | HAS_CONSTANT))) {
+    if (technique->estimator == ESTIMATOR_MIS && (has & (HAS_AREA | HAS_ANY(SKIES)))) {
         f |= USE_MIS | (technique->mis == MIS_BALANCE ? USE_BALANCE : 0);
         if (technique->mis_pdf == MIS_PDF_SURVIVAL && (features.use & USE_ROULETTE))
             f |= USE_SURVIVAL_PDF;
@@ -90,14 +63,15 @@ static uint64_t uses_of_lights(const Technique *technique, Features features)
 /* The feature mask: what the scene has, and what the technique does with it. */
 static Features features_of(const Description *d, const Technique *technique)
 {
-    const uint64_t of_kind[SHAPE_KINDS] = {HAS_SPHERE, HAS_RECTANGLE, HAS_DISK, HAS_CUBE, HAS_MESH};
-    Features f = {0, 0};
+    Features f = {HAS_OF(PERSPECTIVE, d->sensor.kind), 0};
     int emitters = 0;
     for (int i = 0; i < d->shape_count; i++) {
-        f.has |= aligned_axis(&d->shapes[i]) < 0 ? of_kind[d->shapes[i].kind] : HAS_ALIGNED;
-        f.has |= d->shapes[i].smooth ? HAS_SMOOTH : 0;
+        f.has |= HAS_OF(ALIGNED, kind_in_kernel(&d->shapes[i]));
+        f.has |= d->shapes[i].kind == SHAPE_MESH && d->shapes[i].as.mesh.smooth ? HAS_SMOOTH : 0;
         f.has |= features_of_material(d, d->shapes[i].front) | features_of_material(d, d->shapes[i].back);
     }
+    if (has_finite_parts(d))
+        f.has |= HAS_PARTS;
     if (count_primitives(d) > LOOP_MOST)
         f.has |= HAS_TREE;
     for (int i = 0; i < d->emitter_count; i++) {
@@ -118,7 +92,7 @@ static Features features_of(const Description *d, const Technique *technique)
         f.use |= USE_SOBOL;
     if (technique->estimator == ESTIMATOR_LIGHT)
         f.use |= USE_LIGHT_PATHS;
-    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0 && (f.has & HAS_DIFFUSE))
+    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0 && (f.has & HAS_ANY(FINITE_MATERIALS)))
         f.use |= uses_of_lights(technique, f);
     return f;
 }

@@ -2,9 +2,9 @@
 #ifndef ONERAY_PREPARE_SCENE_H
 #define ONERAY_PREPARE_SCENE_H
 
-#include "sensors/perspective.h"
-#include "kernel/learn.h"
-#include "materials/material.h"
+#include "sensors/sensor.h"
+#include "emitters/lesson.h"
+#include "materials/scatter.h"
 
 typedef struct {
     Shapes shapes;

@@ -4,45 +4,13 @@
 
 #include "prepare/triangles.h"
 
-/* The rows that take the world to the unit shape: with columns a, b, c of the matrix, row 0 is b×c /
-   (a·b×c). */
-static Local local_of(const Affine *to_world)
+/* The plane of side k: unit normal, outwards unless flip_normals turns it over, and n·p. */
+static void plane_of(const Shape *shape, int k, double normal[3], double *offset)
 {
-    Local local;
-    double columns[3][3], origin[3];
-    for (int j = 0; j < 3; j++)
-        column(to_world, j, columns[j]);
-    column(to_world, 3, origin);
-    for (int i = 0; i < 3; i++) {
-        double row[3];
-        cross(columns[(i + 1) % 3], columns[(i + 2) % 3], row);
-        double determinant = dot(columns[i], row);
-        for (int j = 0; j < 3; j++) {
-            row[j] /= determinant;
-            local.row[i][j] = (Num)row[j];
-        }
-        local.row[i][3] = (Num)-dot(row, origin);
-    }
-    return local;
-}
-
-/* The plane of the unit shape's side where local coordinate `axis` is `at` (0 for a flat shape): outward unit
-   normal, turned over by flip_normals, and n·p. */
-static void plane_of(const Shape *shape, int axis, double at, double normal[3], double *offset)
-{
-    double a[3], b[3], c[3], p[3];
-    column(&shape->to_world, (axis + 1) % 3, a);
-    column(&shape->to_world, (axis + 2) % 3, b);
-    column(&shape->to_world, axis, c);
-    column(&shape->to_world, 3, p);
-    cross(a, b, normal);
-    double sign =
-        (at < 0 ? -1 : 1) * (dot(normal, c) < 0 ? -1 : 1) * (shape->flip_normals ? -1 : 1) / length(normal);
-    for (int i = 0; i < 3; i++) {
-        normal[i] *= sign;
-        p[i] += at * c[i];
-    }
-    *offset = dot(normal, p);
+    Side side = shape_side(shape, k);
+    for (int i = 0; i < 3; i++)
+        normal[i] = shape->as.placed.flip_normals ? -side.normal[i] : side.normal[i];
+    *offset = dot(normal, side.middle);
 }
 
 /* The axis that a rectangle's normal lies along if its sides lie along the other two, else -1. */
@@ -50,7 +18,7 @@ static int aligned_axis(const Shape *shape)
 {
     for (int axis = 0; axis < 3 && shape->kind == SHAPE_RECTANGLE; axis++) {
         int u = (axis + 1) % 3, v = (axis + 2) % 3;
-        const double(*m)[4] = shape->to_world.m;
+        const double(*m)[4] = shape->as.placed.to_world.m;
         int straight = m[u][1] == 0 && m[v][0] == 0, turned = m[u][0] == 0 && m[v][1] == 0;
         if (m[axis][0] == 0 && m[axis][1] == 0 && (straight || turned))
             return axis;
@@ -58,44 +26,75 @@ static int aligned_axis(const Shape *shape)
     return -1;
 }
 
-static Aligned aligned_of(const Shape *shape, int axis)
+static AlignedRow aligned_row_of(const Shape *shape, int axis)
 {
     int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const double(*m)[4] = shape->to_world.m;
-    return (Aligned){(Num)m[axis][3], (Num)m[u][3], (Num)m[v][3], (Num)(fabs(m[u][0]) + fabs(m[u][1])),
+    const double(*m)[4] = shape->as.placed.to_world.m;
+    return (AlignedRow){(Num)m[axis][3], (Num)m[u][3], (Num)m[v][3], (Num)(fabs(m[u][0]) + fabs(m[u][1])),
         (Num)(fabs(m[v][0]) + fabs(m[v][1]))};
 }
 
-static int slots_of(ShapeKind kind) { return kind == SHAPE_CUBE ? 6 : 1; }
+static int slots_of(ShapeKind kind) { return shape_planes(kind) ? shape_planes(kind) : 1; }
 
-static void prepare_ball(Shapes *s, const Shape *shape, int slot)
+/* What a kernel takes it for. */
+static ShapeKind kind_in_kernel(const Shape *shape) { return aligned_axis(shape) < 0 ? shape->kind : SHAPE_ALIGNED; }
+
+static size_t row_size(ShapeKind kind)
 {
-    Ball *ball = &s->balls[slot - s->sphere_slot];
-    double axis[3];
-    column(&shape->to_world, 0, axis);
-    ball->radius = (Num)length(axis);
-    column(&shape->to_world, 3, axis);
-    store(ball->center, axis);
-    store(s->anchor[slot], axis);
-    s->anchor[slot][3] = shape->flip_normals ? -ball->radius : ball->radius;
+    switch (kind) {
+#define X(NAME, name, words)                                                                                 \
+    case SHAPE_##NAME: return sizeof(struct name##_row);
+        ALIGNED_SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X)
+#undef X
+    default: return 1;
+    }
 }
 
-static void count_shapes(Shapes *s, const Description *d, int counts[SHAPE_KINDS])
+static void set_shape_row(void *rows, int place, const Shape *shape)
 {
-    int aligned = 0;
-    for (int i = 0; i < d->shape_count; i++)
-        counts[d->shapes[i].kind]++;
-    for (int axis = 0; axis < 3; axis++) {
-        s->aligned_slot[axis] = aligned;
-        for (int i = 0; i < d->shape_count; i++)
-            aligned += aligned_axis(&d->shapes[i]) == axis;
+    ShapeKind kind = kind_in_kernel(shape);
+    void *row = (char *)rows + (size_t)place * row_size(kind);
+    switch (kind) {
+#define X(NAME, name, words)                                                                                 \
+    case SHAPE_##NAME: name##_row(&shape->as.name, row); break;
+        FLAT_SHAPES(X) SOLID_SHAPES(X)
+#undef X
+    case SHAPE_ALIGNED: *(AlignedRow *)row = aligned_row_of(shape, aligned_axis(shape)); break;
+    default: break;
     }
-    s->aligned_slot[3] = aligned;
-    s->disk_slot = counts[SHAPE_RECTANGLE];
-    s->cube_slot = s->disk_slot + counts[SHAPE_DISK];
-    s->sphere_slot = s->cube_slot + 6 * counts[SHAPE_CUBE];
-    s->mesh_row = s->sphere_slot + counts[SHAPE_SPHERE];
-    s->slot_count = s->mesh_row + counts[SHAPE_MESH];
+}
+
+/* The numbers by slot that stand for its surface. */
+static void set_anchors(Shapes *s, const Shape *shape, int slot)
+{
+    double anchor[4] = {0};
+    for (int k = 0; k < shape_planes(shape->kind); k++) {
+        plane_of(shape, k, anchor, &anchor[3]);
+        store(s->anchor[slot + k], anchor);
+        s->anchor[slot + k][3] = (Num)anchor[3];
+    }
+#define X(NAME, name, words)                                                                                 \
+    if (shape->kind == SHAPE_##NAME) {                                                                       \
+        name##_anchor(&shape->as.name, anchor);                                                              \
+        store(s->anchor[slot], anchor);                                                                      \
+        s->anchor[slot][3] = (Num)anchor[3];                                                                 \
+    }
+    ROUND_SHAPES(X)
+#undef X
+}
+
+static void count_shapes(Shapes *s, const Description *d)
+{
+    for (int i = 0; i < d->shape_count; i++)
+        s->count[kind_in_kernel(&d->shapes[i])]++;
+    for (int kind = 0; kind < SHAPE_KINDS; kind++)
+        s->first[kind + 1] = s->first[kind] + slots_of((ShapeKind)kind) * s->count[kind];
+    s->slot_count = s->first[SHAPE_KINDS];
+    for (int axis = 0; axis < 3; axis++) {
+        s->along[axis + 1] = s->along[axis];
+        for (int i = 0; i < d->shape_count; i++)
+            s->along[axis + 1] += aligned_axis(&d->shapes[i]) == axis;
+    }
 }
 
 /* Does the box reach to both sides of the plane n·p = offset, by more than the rounding of the numbers? */
@@ -120,115 +119,69 @@ static bool at_the_edge(const Description *d, const Shape *flat, double (*bounds
 {
     Sides sides = {false, false};
     double normal[3], offset, eye[3];
-    plane_of(flat, 2, 0, normal, &offset);
+    plane_of(flat, 0, normal, &offset);
     for (int i = 0; i < d->shape_count; i++)
         if (&d->shapes[i] != flat)
             see_side(&sides, normal, offset, bounds[i][0], bounds[i][1]);
     for (int i = 0; i < d->emitter_count; i++) {
         const Emitter *light = &d->emitters[i];
-        if (light->kind == EMITTER_DIRECTIONAL || light->kind == EMITTER_CONSTANT)
+        const double *position = emitter_position(light);
+        if (emitter_from(light->kind) == FROM_AFAR || emitter_from(light->kind) == FROM_AROUND)
             return false;
-        if (light->kind != EMITTER_AREA)
-            see_side(&sides, normal, offset, light->position, light->position);
+        if (position)
+            see_side(&sides, normal, offset, position, position);
     }
-    column(&d->sensor.to_world, 3, eye);
+    sensor_origin(&d->sensor, eye);
     see_side(&sides, normal, offset, eye, eye);
     return !(sides.below && sides.above);
 }
 
-/* A table of flat shapes that is being filled: from the front those that can block, from the back the others. */
+/* A table of shapes that is being filled: from the front those that can block, from the back the others. */
 typedef struct {
     int front, back;
 } Filling;
 
 static int next_place(Filling *filling, bool blocks) { return blocks ? filling->front++ : --filling->back; }
 
-typedef struct {
-    Filling aligned[3], rectangles, disks;
-    int meshes;
-} Fillings;
-
-/* Puts the shape into its table; returns its first slot, or a mesh's row. */
-static int place_shape(Shapes *s, const Shape *shape, bool blocks, Fillings *f)
-{
-    int axis = aligned_axis(shape), place;
-    if (axis >= 0) {
-        place = next_place(&f->aligned[axis], blocks);
-        s->aligned[place] = aligned_of(shape, axis);
-        return place;
-    }
-    switch (shape->kind) {
-    case SHAPE_RECTANGLE:
-        place = next_place(&f->rectangles, blocks);
-        s->rectangles[place] = local_of(&shape->to_world);
-        return s->aligned_slot[3] + place;
-    case SHAPE_DISK:
-        place = next_place(&f->disks, blocks);
-        s->disks[place] = local_of(&shape->to_world);
-        return s->disk_slot + place;
-    case SHAPE_CUBE:
-        s->cubes[s->cube_count] = local_of(&shape->to_world);
-        return s->cube_slot + 6 * s->cube_count++;
-    case SHAPE_MESH: return s->mesh_row + f->meshes++;
-    default:
-        place = s->sphere_slot + s->sphere_count++;
-        prepare_ball(s, shape, place);
-        return place;
-    }
-}
-
-/* Places all shapes; first_slot[i] gets the first slot of shape i. */
+/* Places all shapes; first_slot[i] gets the first slot of shape i, or a mesh's row. */
 static void place_shapes(Scene *scene, const Description *d, int *first_slot)
 {
     Shapes *s = &scene->shapes;
-    Fillings f = {{{0, 0}, {0, 0}, {0, 0}}, {0, s->rectangle_count}, {0, s->disk_count}, 0};
+    Filling of_kind[SHAPE_KINDS], of_axis[3];
+    for (int kind = 0; kind < SHAPE_KINDS; kind++)
+        of_kind[kind] = (Filling){0, s->count[kind]};
     for (int axis = 0; axis < 3; axis++)
-        f.aligned[axis] = (Filling){s->aligned_slot[axis], s->aligned_slot[axis + 1]};
+        of_axis[axis] = (Filling){s->along[axis], s->along[axis + 1]};
     double(*bounds)[2][3] = allocate((size_t)d->shape_count, sizeof *bounds);
     for (int i = 0; i < d->shape_count; i++)
-        bounds_of_shape(d, &d->shapes[i], bounds[i][0], bounds[i][1]);
+        shape_bounds(&d->shapes[i], bounds[i][0], bounds[i][1]);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
-        bool flat = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_DISK;
-        bool edge = flat && !(scene->features.has & HAS_TREE) && at_the_edge(d, shape, bounds);
-        first_slot[i] = place_shape(s, shape, !edge, &f);
+        ShapeKind kind = kind_in_kernel(shape);
+        bool edge = shape_planes(shape->kind) == 1 && !(scene->features.has & HAS_TREE) && at_the_edge(d, shape, bounds);
+        Filling *filling = kind == SHAPE_ALIGNED ? &of_axis[aligned_axis(shape)] : &of_kind[kind];
+        int place = next_place(filling, !edge);
+        set_shape_row(s->rows[kind], place, shape);
+        first_slot[i] = s->first[kind] + place * slots_of(kind);
+        set_anchors(s, shape, first_slot[i]);
     }
     free(bounds);
     for (int axis = 0; axis < 3; axis++)
-        s->aligned_blocking[axis] = f.aligned[axis].front;
-    s->rectangle_blocking = f.rectangles.front;
-    s->disk_blocking = f.disks.front;
+        s->along_blocking[axis] = of_axis[axis].front;
+    for (int kind = 0; kind < SHAPE_KINDS; kind++)
+        s->blocking[kind] = of_kind[kind].front;
 }
 
 /* Fills the shape tables. */
 static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
 {
     Shapes *s = &scene->shapes;
-    int counts[SHAPE_KINDS] = {0};
-    count_shapes(s, d, counts);
-    s->aligned = keep(scene, (size_t)s->aligned_slot[3], sizeof(Aligned));
-    s->rectangle_count = counts[SHAPE_RECTANGLE] - s->aligned_slot[3];
-    s->disk_count = counts[SHAPE_DISK];
-    s->rectangles = keep(scene, (size_t)s->rectangle_count, sizeof(Local));
-    s->disks = keep(scene, (size_t)s->disk_count, sizeof(Local));
-    s->cubes = keep(scene, (size_t)counts[SHAPE_CUBE], sizeof(Local));
-    s->balls = keep(scene, (size_t)counts[SHAPE_SPHERE], sizeof(Ball));
+    count_shapes(s, d);
+    for (int kind = 0; kind < SHAPE_KINDS; kind++)
+        s->rows[kind] = keep(scene, (size_t)s->count[kind], row_size((ShapeKind)kind));
     s->anchor = keep(scene, (size_t)s->slot_count, sizeof *s->anchor);
     s->shines = keep(scene, (size_t)s->slot_count, sizeof *s->shines);
     place_shapes(scene, d, first_slot);
-    for (int i = 0; i < d->shape_count; i++) {
-        const Shape *shape = &d->shapes[i];
-        int slot = first_slot[i];
-        bool has_planes = shape->kind != SHAPE_SPHERE && shape->kind != SHAPE_MESH;
-        for (int k = 0; has_planes && k < slots_of(shape->kind); k++) {
-            int axis = shape->kind == SHAPE_CUBE ? k / 2 : 2;
-            double at = shape->kind == SHAPE_CUBE ? 1 - 2 * (k % 2) : 0;
-            double normal[3], offset;
-            plane_of(shape, axis, at, normal, &offset);
-            store(s->anchor[slot + k], normal);
-            s->anchor[slot + k][3] = (Num)offset;
-        }
-    }
     prepare_triangles(scene, d, first_slot);
     if (scene->features.has & HAS_TREE)
         prepare_shape_tree(scene, d, first_slot);

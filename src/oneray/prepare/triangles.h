@@ -150,8 +150,8 @@ static void prepare_triangles(Scene *scene, const Description *d, const int *fir
         return;
     int32_t *row = keep(scene, (size_t)d->mesh.triangle_count, sizeof *row);
     for (int i = 0; i < d->shape_count; i++)
-        for (int k = 0; k < d->shapes[i].triangle_count; k++)
-            row[d->shapes[i].first_triangle + k] = first_slot[i];
+        for (int k = 0; d->shapes[i].kind == SHAPE_MESH && k < d->shapes[i].as.mesh.triangle_count; k++)
+            row[d->shapes[i].as.mesh.first_triangle + k] = first_slot[i];
     triangles->row = row;
     triangles->corner = (const int32_t(*)[3])d->mesh.triangle;
     triangles->vertex = numbers_of(scene, d->mesh.vertex, vertices);
@@ -187,7 +187,7 @@ static void prepare_shape_tree(Scene *scene, const Description *d, const int *fi
         double low[3], high[3];
         if (d->shapes[i].kind == SHAPE_MESH)
             continue;
-        bounds_of_shape(d, &d->shapes[i], low, high);
+        shape_bounds(&d->shapes[i], low, high);
         store(bounds[i].low, low);
         store(bounds[i].high, high);
         bounds_join(&all, bounds[i].low, bounds[i].high);

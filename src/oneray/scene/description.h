@@ -1,91 +1,63 @@
-/* A scene as its file says it: plain doubles, no lanes. scene_xml.c fills a Description, prepare.h
-   prepares it for the lanes of a kernel. Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
+/* A scene as its file says it: plain doubles, no lanes. scene/build.c reads it, prepare/ makes a kernel's tables of it.
+   Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
 #ifndef ONERAY_SCENE_DESCRIPTION_H
 #define ONERAY_SCENE_DESCRIPTION_H
 
-#include <stdbool.h>
-#include <stdint.h>
+#include "kinds.h"
+#include "kinds/emitters.h"
+#include "kinds/materials.h"
+#include "kinds/sensors.h"
+#include "kinds/shapes.h"
+#include "meshes/mesh.h"
 
-/* The first three rows of an affine matrix: a point p goes to m[i][0..2]·p + m[i][3]. */
-typedef struct {
-    double m[3][4];
-} Affine;
+#define X(NAME, name, words) struct name name;
 
 enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind */
 
-typedef enum {
-    MATERIAL_DIFFUSE,
-    MATERIAL_CONDUCTOR,
-    MATERIAL_DIELECTRIC,
-    MATERIAL_BLEND
-} MaterialKind;
+/* L16 */
+typedef struct {
+    double weight;     /* of the second material */
+    int first, second; /* index into materials, or MATERIAL_NONE */
+} Blend;
 
 typedef struct {
     MaterialKind kind;
-    double reflectance[3]; /* albedo of a diffuse, else specular_reflectance */
-    bool fresnel;          /* conductor: false for Mitsuba's material "none", a perfect mirror */
-    double eta[3], k[3];   /* conductor: complex index of refraction eta + i k, by channel */
-    double transmittance[3]; /* dielectric: specular_transmittance */
-    double ior;              /* dielectric: index inside over index outside; the normal points outside */
-    double weight;           /* blend: of the second material */
-    int first, second;       /* blend: index into materials, or MATERIAL_NONE */
     int line;
+    union {
+        MATERIALS(X)
+        Blend blend;
+    } as;
 } Material;
 
-typedef enum { SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_DISK, SHAPE_CUBE, SHAPE_MESH, SHAPE_KINDS } ShapeKind;
-
-/* Triangles; for a smooth one, unit normals by vertex, else zeros, or NULL if no mesh of the scene has any. */
 typedef struct {
-    double (*vertex)[3], (*normal)[3];
-    int32_t (*triangle)[3]; /* counter-clockwise as seen from the side of the normal */
-    int vertex_count, triangle_count;
-} Mesh;
-
-typedef struct {
-    ShapeKind kind;
-    Affine to_world; /* of the unit shape: sphere x²+y²+z² = 1; rectangle [-1,1]² and
-                        disk x²+y² ≤ 1 at z = 0 with normal +z; cube [-1,1]³. A sphere's
-                        center and radius are folded in: it is a uniform scale. */
-    bool flip_normals;
-    int first_triangle, triangle_count; /* mesh: which of the description's; to_world and flip_normals
-                                           are done with */
-    bool smooth;                        /* mesh: it has vertex normals */
+    ShapeKind kind; /* never ALIGNED */
+    int line;
     int front, back; /* index into materials, or MATERIAL_NONE, by side of the normal */
     int emitter;     /* index into emitters, or -1 */
-    int line;
+    union {
+        Placed placed; /* what all begin with */
+        FILE_SHAPES(X)
+    } as;
 } Shape;
-
-typedef enum {
-    EMITTER_AREA,
-    EMITTER_POINT,
-    EMITTER_SPOT,
-    EMITTER_DIRECTIONAL,
-    EMITTER_CONSTANT,
-    EMITTER_KINDS
-} EmitterKind;
 
 typedef struct {
     EmitterKind kind;
-    double emission[3];              /* area, constant: radiance, W·sr⁻¹·m⁻²; point, spot: intensity,
-                                        W·sr⁻¹; directional: irradiance on a plane across it, W·m⁻² */
-    int shape;                       /* area: index into shapes */
-    double position[3];              /* point, spot */
-    double direction[3];             /* directional, spot: unit vector along which the light travels */
-    double cutoff_angle, beam_width; /* spot: radians; full intensity within beam_width, none beyond */
     int line;
+    int shape; /* that shines: index into shapes, or -1 */
+    union {
+        EMITTERS(X)
+    } as;
 } Emitter;
 
-static inline bool emitter_has_power(const Emitter *light)
-{
-    return light->emission[0] > 0 || light->emission[1] > 0 || light->emission[2] > 0;
-}
-
 typedef struct {
-    Affine to_world;               /* camera space to world: looks along +z, +x is to the LEFT, +y up */
-    double tan_half_x, tan_half_y; /* half extents of the image at distance 1 */
-    double near_clip, far_clip;
-    int width, height;
+    SensorKind kind;
+    int line;
+    int width, height; /* of the film, pixels */
+    union {
+        SENSORS(X)
+    } as;
 } Sensor;
+#undef X
 
 typedef struct {
     Sensor sensor;
@@ -116,5 +88,36 @@ typedef struct {
 Description *description_read(
     const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2]);
 void description_free(Description *description);
+
+/* What is asked of any kind. NAME_… of the kind's file answers; no blend is asked, only its parts. */
+
+/* The share of the light that goes on at most; and that which goes on for ever where a path cannot leave. */
+double material_most(const Material *material, int channel);
+double material_kept(const Material *material, int channel);
+/* Why single precision may not do, or NULL. */
+const char *material_odd(const Material *material);
+
+/* How many sides it has, and side k. How many of them lie in planes: all, or none. */
+int shape_sides(const Shape *shape);
+Side shape_side(const Shape *shape, int k);
+int shape_planes(ShapeKind kind);
+Size shape_size(const Shape *shape);
+/* The axis-aligned box around a shape; and around all, 0 without any. */
+void shape_bounds(const Shape *shape, double low[3], double high[3]);
+void scene_bounds(const Description *d, double low[3], double high[3]);
+
+LightFrom emitter_from(EmitterKind kind);
+/* Radiance, W·sr⁻¹·m⁻², FROM_SHAPE and FROM_AROUND; intensity, W·sr⁻¹, FROM_POINT; irradiance of a plane across it,
+   W·m⁻², FROM_AFAR. */
+const double *emitter_emission(const Emitter *light);
+bool emitter_has_power(const Emitter *light);
+const double *emitter_position(const Emitter *light); /* NULL if it is not FROM_POINT */
+/* Flux (W) over the emission, of a shape's side of that area (m²) or in a scene of that radius (m). */
+double emitter_flux(const Emitter *light, double area, double radius);
+const char *emitter_odd(const Emitter *light);
+
+void sensor_origin(const Sensor *sensor, double origin[3]);
+double sensor_farthest(const Sensor *sensor); /* what it sees */
+double sensor_pixel(const Sensor *sensor);    /* the least angle of a pixel, radians */
 
 #endif

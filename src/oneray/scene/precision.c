@@ -7,10 +7,6 @@
    small, below 1e-5. Anything unusual is left to double. */
 #include "scene/precision.h"
 
-#include "scene/bounds.h"
-#include "message.h"
-
-#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -40,27 +36,20 @@ static bool because(Reason reason, const char *format, ...)
     return true;
 }
 
-static double largest(const double a[3]) { return fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2]))); }
-
 /* A light in a point that is not left out. */
-static bool is_point(const Emitter *light)
-{
-    return (light->kind == EMITTER_POINT || light->kind == EMITTER_SPOT) && emitter_has_power(light);
-}
+static bool is_point(const Emitter *light) { return emitter_position(light) && emitter_has_power(light); }
 
 /* M, the largest coordinate, and how far the scene extends along its longest axis. */
 static double reach_of(const Description *d, double *extent)
 {
-    double low[3], high[3], origin[3], reach = 0;
-    bounds_of_scene(d, low, high);
-    for (int axis = 0; axis < 3; axis++) {
-        origin[axis] = d->sensor.to_world.m[axis][3];
-        *extent = axis && *extent > high[axis] - low[axis] ? *extent : high[axis] - low[axis];
-    }
-    reach = fmax(largest(origin), fmax(largest(low), largest(high)));
+    double low[3], high[3], origin[3], reach;
+    scene_bounds(d, low, high);
+    sensor_origin(&d->sensor, origin);
+    *extent = fmax(high[0] - low[0], fmax(high[1] - low[1], high[2] - low[2]));
+    reach = fmax(extent_of(origin), fmax(extent_of(low), extent_of(high)));
     for (int i = 0; i < d->emitter_count; i++)
         if (is_point(&d->emitters[i]))
-            reach = fmax(reach, largest(d->emitters[i].position));
+            reach = fmax(reach, extent_of(emitter_position(&d->emitters[i])));
     return reach;
 }
 
@@ -68,9 +57,9 @@ static bool odd_sensor(const Sensor *sensor, Reason reason)
 {
     if (sensor->width > WIDEST_IMAGE || sensor->height > WIDEST_IMAGE)
         return because(reason, "an image of more than %d pixels a side", WIDEST_IMAGE);
-    double x = 2 * sensor->tan_half_x / sensor->width, y = 2 * sensor->tan_half_y / sensor->height;
-    if (fmin(x, y) < SMALLEST_PIXEL)
-        return because(reason, "a pixel of %.1g radians", fmin(x, y));
+    double pixel = sensor_pixel(sensor);
+    if (pixel < SMALLEST_PIXEL)
+        return because(reason, "a pixel of %.1g radians", pixel);
     return false;
 }
 
@@ -80,11 +69,11 @@ static bool odd_material(const Description *d, Reason reason)
     double most = 0;
     for (int i = 0; i < d->material_count; i++) {
         const Material *m = &d->materials[i];
-        if (m->kind == MATERIAL_DIELECTRIC && fabs(m->ior - 1) < 1e-3)
-            return because(reason, "line %d: an index of refraction within 0.001 of 1", m->line);
-        for (int c = 0; c < 3 && m->kind != MATERIAL_BLEND; c++) {
-            double albedo = m->kind == MATERIAL_DIELECTRIC ? fmax(m->reflectance[c], m->transmittance[c])
-                                                           : m->reflectance[c];
+        const char *odd = material_odd(m);
+        if (odd)
+            return because(reason, "line %d: %s", m->line, odd);
+        for (int c = 0; c < 3; c++) {
+            double albedo = material_most(m, c);
             if (albedo > 0.999 && albedo < 1)
                 return because(reason, "line %d: a reflectance within 0.001 of 1", m->line);
             most = fmax(most, albedo);
@@ -98,7 +87,8 @@ static bool odd_material(const Description *d, Reason reason)
 /* What the light gives at the scene's own distance, of the order of a radiance. */
 static double met_of(const Emitter *light, int channel, double reach)
 {
-    return is_point(light) ? light->emission[channel] / (reach * reach) : light->emission[channel];
+    double emission = emitter_emission(light)[channel];
+    return is_point(light) ? emission / (reach * reach) : emission;
 }
 
 static bool odd_range(const Description *d, double reach, Reason reason)
@@ -116,143 +106,73 @@ static bool odd_range(const Description *d, double reach, Reason reason)
 
 static bool odd_light(const Emitter *light, double reach, Reason reason)
 {
+    const double *emission = emitter_emission(light);
     for (int c = 0; c < 3; c++) {
         double met = met_of(light, c, reach);
-        if (light->emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
-            return because(reason, "line %d: a light of %.1g", light->line, light->emission[c]);
+        if (emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
+            return because(reason, "line %d: a light of %.1g", light->line, emission[c]);
     }
-    if (light->kind == EMITTER_SPOT && emitter_has_power(light)) {
-        double rim = light->cutoff_angle - light->beam_width;
-        if (light->cutoff_angle < 1e-3 || rim < 1e-3 * light->cutoff_angle)
-            return because(reason, "line %d: a spot with a cone or rim of less than 0.001", light->line);
-    }
+    const char *odd = emitter_has_power(light) ? emitter_odd(light) : NULL;
+    return odd && because(reason, "line %d: %s", light->line, odd);
+}
+
+static bool odd_size(const Shape *shape, double reach, Reason reason)
+{
+    Size size = shape_size(shape);
+    if (size.least < SMALLEST_SIZE * reach)
+        return because(reason, "line %d: a shape of %.1g in a scene of %.1g", shape->line, size.least, reach);
+    if (size.height < SMALLEST_GAP * reach)
+        return because(reason, "line %d: triangles %.1g slim in a scene of %.1g", shape->line, size.height, reach);
     return false;
 }
 
-static double length(const double a[3]) { return hypot(hypot(a[0], a[1]), a[2]); }
-
-static void column(const Shape *shape, int j, double out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = shape->to_world.m[i][j];
-}
-
-/* Twice a triangle's area, and its longest side: its least height is one over the other. */
-static double triangle_area(const Mesh *mesh, int triangle, double *longest)
-{
-    const int32_t *corner = mesh->triangle[triangle];
-    double a[3], b[3], c[3], across[3];
-    for (int i = 0; i < 3; i++) {
-        a[i] = mesh->vertex[corner[1]][i] - mesh->vertex[corner[0]][i];
-        b[i] = mesh->vertex[corner[2]][i] - mesh->vertex[corner[0]][i];
-        c[i] = b[i] - a[i];
-    }
-    for (int i = 0; i < 3; i++)
-        across[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-    *longest = fmax(length(a), fmax(length(b), length(c)));
-    return length(across);
-}
-
-/* How slim a mesh's triangles are: the mean of one over their height, by area, as errors are. A few slivers among
-   many others, as at the poles of a ball, are a small share of any pixel. */
-static double mean_height(const Description *d, const Shape *shape)
-{
-    double area = 0, sides = 0, longest;
-    for (int k = 0; k < shape->triangle_count; k++) {
-        area += triangle_area(&d->mesh, shape->first_triangle + k, &longest);
-        sides += longest;
-    }
-    return sides > 0 ? area / sides : HUGE_VAL;
-}
-
-/* Sizes: half the sides of a shape; of a mesh those of its box, where it is not flat, and how slim its triangles are. */
-static bool odd_size(const Description *d, const Shape *shape, double reach, Reason reason)
-{
-    double side[3], low[3], high[3], smallest = HUGE_VAL;
-    bounds_of_shape(d, shape, low, high);
-    for (int j = 0; j < (shape->kind == SHAPE_CUBE || shape->kind == SHAPE_MESH ? 3 : 2); j++) {
-        column(shape, j, side);
-        double half = shape->kind == SHAPE_MESH ? (high[j] - low[j]) / 2 : length(side);
-        smallest = shape->kind == SHAPE_MESH && half == 0 ? smallest : fmin(smallest, half);
-    }
-    if (smallest < SMALLEST_SIZE * reach)
-        return because(reason, "line %d: a shape of %.1g in a scene of %.1g", shape->line, smallest, reach);
-    double height = mean_height(d, shape);
-    if (height < SMALLEST_GAP * reach)
-        return because(reason, "line %d: triangles %.1g slim in a scene of %.1g", shape->line, height, reach);
-    return false;
-}
-
-typedef struct {
-    double point[3], normal[3];
-} Plane;
-
-/* A shape as the search for gaps sees it: its box, and the planes of a rectangle, disk or cube. */
+/* A shape as the search for gaps sees it: its box, and the sides of a rectangle, disk or cube. */
 typedef struct {
     const Shape *shape;
     double low[3], high[3];
     int plane_count;
-    Plane planes[6];
+    Side planes[6];
 } Body;
 
-static Body body_of(const Description *d, const Shape *shape)
+static Body body_of(const Shape *shape)
 {
-    Body body = {.shape = shape};
-    bounds_of_shape(d, shape, body.low, body.high);
-    if (shape->kind == SHAPE_SPHERE || shape->kind == SHAPE_MESH)
-        return body;
-    body.plane_count = shape->kind == SHAPE_CUBE ? 6 : 1;
-    for (int k = 0; k < body.plane_count; k++) {
-        Plane *plane = &body.planes[k];
-        int j = body.plane_count == 1 ? 2 : k / 2;
-        double x[3], y[3], across[3], axis[3];
-        column(shape, (j + 1) % 3, x);
-        column(shape, (j + 2) % 3, y);
-        column(shape, j, axis);
-        for (int i = 0; i < 3; i++) {
-            across[i] = x[(i + 1) % 3] * y[(i + 2) % 3] - x[(i + 2) % 3] * y[(i + 1) % 3];
-            plane->point[i] = shape->to_world.m[i][3]
-                              + (body.plane_count == 1 ? 0 : k % 2 ? -axis[i] : axis[i]);
-        }
-        for (int i = 0; i < 3; i++)
-            plane->normal[i] = across[i] / length(across);
-    }
+    Body body = {.shape = shape, .plane_count = shape_planes(shape->kind)};
+    shape_bounds(shape, body.low, body.high);
+    for (int k = 0; k < body.plane_count; k++)
+        body.planes[k] = shape_side(shape, k);
     return body;
 }
 
 /* Along the plane's normal, from it to the point. */
-static double height_over(const Plane *plane, const double p[3])
+static double height_over(const Side *plane, const double p[3])
 {
-    double height = 0;
-    for (int i = 0; i < 3; i++)
-        height += plane->normal[i] * (p[i] - plane->point[i]);
-    return height;
+    double up[3];
+    difference(p, plane->middle, up);
+    return dot(plane->normal, up);
 }
 
-/* How far the point is beyond one of the three pairs of a cube's planes: no further than from the cube. */
-static double height_over_cube(const Body *cube, const double p[3])
+/* How far the point is from a plane; or how far beyond one of a solid's: no further than from the solid. */
+static double height_over_all(const Body *body, const double p[3])
 {
     double most = 0;
-    for (int k = 0; k < 6; k += 2) {
-        double one = height_over(&cube->planes[k], p), other = height_over(&cube->planes[k + 1], p);
-        most = one * other > 0 ? fmax(most, fmin(fabs(one), fabs(other))) : most;
-    }
+    if (body->plane_count == 1)
+        return fabs(height_over(body->planes, p));
+    for (int k = 0; k < body->plane_count; k++)
+        most = fmax(most, height_over(&body->planes[k], p));
     return most;
 }
 
 /* Do two planes nearly coincide? What does coincide is no gap. */
-static bool nearly_coincide(const Plane *a, const Plane *b, double limit)
+static bool nearly_coincide(const Side *a, const Side *b, double limit)
 {
-    double along = 0, height = fabs(height_over(a, b->point));
-    for (int i = 0; i < 3; i++)
-        along += a->normal[i] * b->normal[i];
-    return fabs(along) > 0.999 && height > 0 && height < limit;
+    double height = fabs(height_over(a, b->middle));
+    return fabs(dot(a->normal, b->normal)) > 0.999 && height > 0 && height < limit;
 }
 
 /* A sphere that shines may not come near anything, boxes may not nearly touch, planes not nearly coincide. */
 static bool narrow(const Body *a, const Body *b, double limit)
 {
-    double center[3], gap = 0;
+    double gap = 0;
     for (int axis = 0; axis < 3; axis++)
         gap = fmax(gap, fmax(a->low[axis] - b->high[axis], b->low[axis] - a->high[axis]));
     if (gap > 0)
@@ -263,10 +183,9 @@ static bool narrow(const Body *a, const Body *b, double limit)
             continue;
         if (!other->plane_count)
             return true;
-        column(ball->shape, 3, center);
-        double radius = fabs(ball->shape->to_world.m[0][0]);
-        double apart = other->plane_count == 6 ? height_over_cube(other, center) - radius
-                                               : fabs(fabs(height_over(other->planes, center)) - radius);
+        const Sphere *sphere = &ball->shape->as.sphere;
+        double apart = height_over_all(other, sphere->center) - sphere->radius;
+        apart = other->plane_count == 1 ? fabs(apart) : apart;
         if (apart < 8 * limit)
             return true;
     }
@@ -291,12 +210,12 @@ static bool odd_gap(const Description *d, double reach, Reason reason)
     Body *bodies = allocate((size_t)count + 1, sizeof *bodies);
     bool found = false;
     for (int i = 0; i < count; i++)
-        bodies[i] = body_of(d, &d->shapes[i]);
+        bodies[i] = body_of(&d->shapes[i]);
     for (int i = 0; i < count && !found; i++)
         for (int k = 0; k < d->emitter_count && bodies[i].plane_count && !found; k++) {
             const Emitter *light = &d->emitters[k];
             if (is_point(light)
-                && fabs(height_over(bodies[i].planes, light->position)) < limit)
+                && fabs(height_over(bodies[i].planes, emitter_position(light))) < limit)
                 found = because(reason, "line %d: a light in the plane of line %d", light->line,
                     bodies[i].shape->line);
         }
@@ -328,7 +247,7 @@ const char *precision_for(const Description *d, char *text, int size)
         if (odd_light(&d->emitters[i], reach, reason))
             return "double";
     for (int i = 0; i < d->shape_count; i++)
-        if (odd_size(d, &d->shapes[i], reach, reason))
+        if (odd_size(&d->shapes[i], reach, reason))
             return "double";
     if (odd_gap(d, reach, reason))
         return "double";
@@ -347,8 +266,10 @@ void refuse_beyond_single(const Description *d, const char *file)
         die("%s: --precision single: the scene reaches out to %.1g, beyond %g (auto takes double)", file, reach,
             SINGLE_LARGEST);
     for (int i = 0; i < d->emitter_count; i++)
-        for (int c = 0; c < 3; c++)
-            if (!(d->emitters[i].emission[c] <= SINGLE_BRIGHTEST))
+        for (int c = 0; c < 3; c++) {
+            double emission = emitter_emission(&d->emitters[i])[c];
+            if (!(emission <= SINGLE_BRIGHTEST))
                 die_at(file, d->emitters[i].line, "--precision single: a light of %.1g, beyond %g (auto takes double)",
-                    d->emitters[i].emission[c], SINGLE_BRIGHTEST);
+                    emission, SINGLE_BRIGHTEST);
+        }
 }

@@ -1,4 +1,4 @@
-/* Typed values of properties: numbers, strings, transforms, and their ranges. */
+/* The properties of an element, by a table of fields: numbers, words, transforms, and their ranges. */
 #include "scene/xml.h"
 
 #include <ctype.h>
@@ -10,7 +10,6 @@
 #include <string.h>
 #include <strings.h>
 
-static const double PI = 3.14159265358979323846;
 #define LARGEST 1e300
 static const char SEPARATORS[] = " ,\t\r\n";      /* between numbers */
 
@@ -18,10 +17,11 @@ static const char SEPARATORS[] = " ,\t\r\n";      /* between numbers */
 static const char *const elements_of_kind[] = {
     [AS_FLOAT] = "<float> or <integer>", [AS_COLOUR] = "<rgb>, <float> or <integer>",
     [AS_VECTOR] = "<point> or <vector>", [AS_INTEGER] = "<integer>", [AS_BOOLEAN] = "<boolean>",
-    [AS_IOR] = "<float>, <integer> or <string>", [AS_STRING] = "<string>", [AS_TRANSFORM] = "<transform>",
+    [AS_IOR] = "<float>, <integer> or <string>", [AS_STRING] = "<string>", [AS_WORD] = "<string>",
+    [AS_FILE] = "<string>", [AS_TRANSFORM] = "<transform>",
 };
 
-static bool gives(const Node *node, PropertyKind kind)
+static bool gives(const Node *node, FieldKind kind)
 {
     char element[16];
     int length = snprintf(element, sizeof element, "<%s>", node->tag);
@@ -68,10 +68,9 @@ static int parse_numbers(const Node *node, const char *text, double *numbers)
     return count;
 }
 
-/* An attribute of one or three numbers; one stands for three equal ones. */
-static void parse_triple(const Node *node, const char *name, bool one_will_do, double triple[3])
+/* The text of an attribute with one or three numbers; one stands for three equal ones. */
+static void parse_triple(const Node *node, const char *name, const char *text, bool one_will_do, double triple[3])
 {
-    const char *text = attribute(node, name);
     int count = count_numbers(text);
     if (count != 3 && !(count == 1 && one_will_do))
         fail(node, "<%s %s=\"%.80s\">: %s numbers are wanted, not %d", node->tag, name, text,
@@ -83,11 +82,11 @@ static void parse_triple(const Node *node, const char *name, bool one_will_do, d
 }
 
 /* value="x y z" or x, y and z apart. Without all_needed, those left out keep what triple holds. */
-static void parse_xyz(const Node *node, bool all_needed, double triple[3])
+static void parse_xyz(const Node *node, const char *value, bool all_needed, double triple[3])
 {
     static const char *const names[] = {"x", "y", "z"};
-    if (attribute(node, "value")) {
-        parse_triple(node, "value", true, triple);
+    if (value) {
+        parse_triple(node, "value", value, true, triple);
         return;
     }
     for (int i = 0; i < 3; i++) {
@@ -128,101 +127,53 @@ static bool parse_boolean(const Node *node, const char *text)
 
 /* Transforms: each element acts on what those before it made, Mitsuba's order. */
 
-Affine affine_identity(void)
-{
-    return (Affine){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
-}
-
-Affine affine_translate(double x, double y, double z)
-{
-    return (Affine){{{1, 0, 0, x}, {0, 1, 0, y}, {0, 0, 1, z}}};
-}
-
-Affine affine_scale(double x, double y, double z)
-{
-    return (Affine){{{x, 0, 0, 0}, {0, y, 0, 0}, {0, 0, z, 0}}};
-}
-
-Affine affine_multiply(Affine a, Affine b)
-{
-    Affine result;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 4; j++)
-            result.m[i][j] = a.m[i][0] * b.m[0][j] + a.m[i][1] * b.m[1][j] + a.m[i][2] * b.m[2][j]
-                           + (j == 3 ? a.m[i][3] : 0);
-    return result;
-}
-
-double affine_determinant(Affine a)
-{
-    return a.m[0][0] * (a.m[1][1] * a.m[2][2] - a.m[1][2] * a.m[2][1])
-         - a.m[0][1] * (a.m[1][0] * a.m[2][2] - a.m[1][2] * a.m[2][0])
-         + a.m[0][2] * (a.m[1][0] * a.m[2][1] - a.m[1][1] * a.m[2][0]);
-}
-
 /* Rodrigues: R = cosθ I + sinθ [a]× + (1 − cosθ) a aᵀ. Mitsuba does not normalise the axis a, and what it
    makes of any other than a unit vector is no rotation: that is refused. */
 static Affine parse_rotate(const Node *node)
 {
     double a[3] = {0, 0, 0};
     const char *text = attribute(node, "angle");
-    parse_xyz(node, false, a);
+    parse_xyz(node, attribute(node, "value"), false, a);
     double degrees = parse_number(node, text, strlen(text)), angle = degrees * PI / 180;
-    double length = sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
-    if (fabs(length - 1) > 1e-3)
-        fail(node, "<rotate>: the axis must have length 1, not %g (Mitsuba does not normalise it)", length);
+    double size = sqrt(dot(a, a));
+    if (fabs(size - 1) > 1e-3)
+        fail(node, "<rotate>: the axis must have length 1, not %g (Mitsuba does not normalise it)", size);
     double c = cos(angle), s = sin(angle);
     if (fmod(degrees, 90) == 0) {               /* quarter turns are exact: the axes stay axes */
         c = nearbyint(c);
         s = nearbyint(s);
     }
-    const double cross[3][3] = {{0, -a[2], a[1]}, {a[2], 0, -a[0]}, {-a[1], a[0], 0}};
+    const double across[3][3] = {{0, -a[2], a[1]}, {a[2], 0, -a[0]}, {-a[1], a[0], 0}};
     Affine result = affine_scale(c, c, c);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            result.m[i][j] += s * cross[i][j] + (1 - c) * a[i] * a[j];
+            result.m[i][j] += s * across[i][j] + (1 - c) * a[i] * a[j];
     return result;
-}
-
-static void cross_normalised(const double a[3], const double b[3], double result[3])
-{
-    double length = 0;
-    for (int i = 0; i < 3; i++) {
-        result[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-        length += result[i] * result[i];
-    }
-    for (int i = 0; i < 3; i++)
-        result[i] /= sqrt(length);
 }
 
 /* Columns left, up, forward and origin: z looks at the target. */
 static Affine parse_lookat(const Node *node)
 {
-    double origin[3], target[3], up[3] = {0, 0, 0}, z[3], x[3], y[3], length = 0;
-    parse_triple(node, "origin", false, origin);
-    parse_triple(node, "target", false, target);
+    double origin[3], target[3], up[3] = {0, 0, 0}, z[3], x[3], y[3];
+    parse_triple(node, "origin", attribute(node, "origin"), false, origin);
+    parse_triple(node, "target", attribute(node, "target"), false, target);
     if (attribute(node, "up"))
-        parse_triple(node, "up", false, up);
-    for (int i = 0; i < 3; i++)
-        length += (target[i] - origin[i]) * (target[i] - origin[i]);
-    for (int i = 0; i < 3; i++)
-        z[i] = (target[i] - origin[i]) / sqrt(length);
+        parse_triple(node, "up", attribute(node, "up"), false, up);
+    difference(target, origin, z);
+    unit(z, z);
     if (up[0] == 0 && up[1] == 0 && up[2] == 0) { /* as Mitsuba: the first axis of Duff et al. 2017 */
         double sign = z[2] >= 0 ? 1 : -1, a = -1 / (sign + z[2]);
         up[0] = 1 + sign * z[0] * z[0] * a;
         up[1] = sign * z[0] * z[1] * a;
         up[2] = -sign * z[0];
     }
-    cross_normalised(up, z, x);
-    cross_normalised(z, x, y);
+    cross(up, z, x);
+    unit(x, x);
+    cross(z, x, y);
+    unit(y, y);
     if (!isfinite(x[0] + x[1] + x[2] + y[0] + y[1] + y[2]))
         fail(node, "<lookat>: the target is the origin, or \"up\" points along the view");
-    Affine result;
-    for (int i = 0; i < 3; i++) {
-        const double row[4] = {x[i], y[i], z[i], origin[i]};
-        memcpy(result.m[i], row, sizeof row);
-    }
-    return result;
+    return (Affine){{{x[0], y[0], z[0], origin[0]}, {x[1], y[1], z[1], origin[1]}, {x[2], y[2], z[2], origin[2]}}};
 }
 
 static Affine parse_matrix(const Node *node)
@@ -245,12 +196,13 @@ static Affine parse_matrix(const Node *node)
 static Affine parse_step(const Node *node)
 {
     double v[3] = {0, 0, 0}, s[3] = {1, 1, 1};
+    const char *value = attribute(node, "value");
     if (strcmp(node->tag, "translate") == 0) {
-        parse_xyz(node, false, v);
+        parse_xyz(node, value, false, v);
         return affine_translate(v[0], v[1], v[2]);
     }
     if (strcmp(node->tag, "scale") == 0) {
-        parse_xyz(node, false, s);
+        parse_xyz(node, value, false, s);
         return affine_scale(s[0], s[1], s[2]);
     }
     if (strcmp(node->tag, "rotate") == 0)
@@ -271,40 +223,47 @@ static Affine parse_transform(const Node *node)
             fail(step->first, "<%s> cannot stand in <%s>", step->first->tag, step->tag);
         result = affine_multiply(parse_step(step), result);
     }
-    for (int j = 0; j < 3; j++)
-        size *= sqrt(result.m[0][j] * result.m[0][j] + result.m[1][j] * result.m[1][j]
-                     + result.m[2][j] * result.m[2][j]);
-    if (!(fabs(affine_determinant(result)) > 1e-10 * size) || !(size >= DBL_MIN && size <= DBL_MAX))
+    for (int j = 0; j < 3; j++) {
+        double axis[3];
+        column(&result, j, axis);
+        size *= sqrt(dot(axis, axis));
+    }
+    if (!(fabs(affine_determinant(&result)) > 1e-10 * size) || !(size >= DBL_MIN && size <= DBL_MAX))
         fail(node, "the transform is singular: it makes things flat, or has no inverse in floating point");
     return result;
 }
 
-/* Properties. */
+/* Fields. */
 
 /* A range is written as one reads it, "(0,180)" or "[0,inf)". */
-static void check_range(const Property *property, double value)
+static void check_range(const Node *node, const Field *field, double value)
 {
     char *end;
-    const char *range = property->range;
-    double low = strtod(range + 1, &end), high = strtod(end + 1, &end);
-    if (value < low || value > high || (*range == '(' && value <= low) || (*end == ')' && value >= high))
-        fail(property->node, "\"%s\" must be in %s, not %.9g", property->name, range, value);
+    double low = strtod(field->range + 1, &end), high = strtod(end + 1, &end);
+    bool above = *field->range == '(' ? value > low : value >= low, below = *end == ')' ? value < high : value <= high;
+    if (!above || !below)
+        fail(node, "\"%s\" must be in %s, not %.9g", field->name, field->range, value);
 }
 
-static void check_choice(const Property *property, const char *value)
+/* Which word of the range it is. */
+static int parse_word(const Node *node, const Field *field, const char *text)
 {
+    const char *found = find_word(field->range, text);
     Text list = {0};
-    if (find_word(property->range, value))
-        return;
-    append_words(&list, "", property->range, "");
-    fail(property->node, "\"%s\" = \"%.80s\" is not supported (%s)", property->name, value, list.text);
+    int number = 0;
+    for (const char *at = field->range; at < found; at++)
+        number += *at == ' ';
+    if (found)
+        return number;
+    append_words(&list, "", field->range, "");
+    fail(node, "\"%s\" = \"%.80s\" is not supported (%s)", field->name, text, list.text);
 }
 
 /* Indices of refraction by Mitsuba's names, at 589.3 nm. */
 static const struct {
     const char *name;
     double ior;
-} media[] = {
+} mediums[] = {
     {"vacuum", 1}, {"helium", 1.000036}, {"hydrogen", 1.000132}, {"air", 1.000277},
     {"carbon dioxide", 1.00045}, {"water", 1.3330}, {"acetone", 1.36}, {"ethanol", 1.361},
     {"carbon tetrachloride", 1.461}, {"glycerol", 1.4729}, {"benzene", 1.501}, {"silicone oil", 1.52045},
@@ -319,103 +278,130 @@ static double parse_ior(const Node *node, const char *text)
     Text list = {0};
     if (strcmp(node->tag, "string") != 0)
         return parse_real(node, text);
-    for (int i = 0; i < COUNT(media); i++)
-        if (strcmp(media[i].name, text) == 0)
-            return media[i].ior;
-    for (int i = 0; i < COUNT(media); i++) {
+    for (int i = 0; i < COUNT(mediums); i++)
+        if (strcmp(mediums[i].name, text) == 0)
+            return mediums[i].ior;
+    for (int i = 0; i < COUNT(mediums); i++) {
         append(&list, i ? ", " : "", i ? 2 : 0);
-        append(&list, media[i].name, strlen(media[i].name));
+        append(&list, mediums[i].name, strlen(mediums[i].name));
     }
     fail(node, "no medium is called \"%.80s\" (%s)", text, list.text);
 }
 
-static void read_property(const Property *property)
+/* The name of a file that the scene names: relative to the scene's folder. */
+static char *parse_path(const Node *node, const char *name)
 {
-    const Node *node = property->node;
-    const char *text = attribute(node, "value");
-    double *numbers = property->to;
-    int numbers_read = 0;
-    switch (property->kind) {
-    case AS_FLOAT:
-        numbers[0] = parse_real(node, text);
-        numbers_read = 1;
-        break;
-    case AS_IOR:
-        numbers[0] = parse_ior(node, text);
-        numbers_read = 1;
-        break;
-    case AS_COLOUR:
-        if (strcmp(node->tag, "rgb") == 0)
-            parse_triple(node, "value", true, numbers);
+    Text path = {0};
+    const char *slash = strrchr(node->file, '/');
+    if (*name != '/' && slash)
+        append(&path, node->file, (size_t)(slash - node->file) + 1);
+    append(&path, name, strlen(name));
+    return path.text;
+}
+
+/* How many numbers have a range. */
+static int read_numbers(const Node *node, FieldKind kind, const char *text, double *to)
+{
+    switch (kind) {
+    case AS_FLOAT: *to = parse_real(node, text); return 1;
+    case AS_IOR: *to = parse_ior(node, text); return 1;
+    case AS_VECTOR: parse_xyz(node, text, true, to); return 3;
+    default:
+        if (gives(node, AS_FLOAT))
+            to[0] = to[1] = to[2] = parse_real(node, text);
         else
-            numbers[0] = numbers[1] = numbers[2] = parse_real(node, text);
-        numbers_read = 3;
-        break;
-    case AS_VECTOR:
-        parse_xyz(node, true, numbers);
-        numbers_read = 3;
-        break;
-    case AS_INTEGER:
-        *(int *)property->to = parse_integer(node, text);
-        if (property->range)
-            check_range(property, *(int *)property->to);
-        break;
-    case AS_BOOLEAN:
-        *(bool *)property->to = parse_boolean(node, text);
-        break;
-    case AS_STRING:
-        *(const char **)property->to = text;
-        if (property->range)
-            check_choice(property, text);
-        break;
-    case AS_TRANSFORM:
-        *(Affine *)property->to = parse_transform(node);
-        break;
+            parse_triple(node, "value", text, true, to);
+        return 3;
     }
-    for (int i = 0; property->range && i < numbers_read; i++)
-        check_range(property, numbers[i]);
+}
+
+/* Puts the value into its place. `node` is the property, or for a default the element without it. */
+static void read_value(const Node *node, const Field *field, const char *text, void *to)
+{
+    int count = 0;
+    switch (field->kind) {
+    case AS_INTEGER:
+        *(int *)to = parse_integer(node, text);
+        if (field->range)
+            check_range(node, field, *(int *)to);
+        break;
+    case AS_BOOLEAN: *(bool *)to = parse_boolean(node, text); break;
+    case AS_STRING: *(const char **)to = text; break;
+    case AS_WORD: *(int *)to = parse_word(node, field, text); break;
+    case AS_TRANSFORM: *(Affine *)to = parse_transform(node); break;
+    case AS_FILE: ((File *)to)->name = parse_path(node, text); break;
+    default: count = read_numbers(node, field->kind, text, to);
+    }
+    for (int i = 0; field->range && i < count; i++)
+        check_range(node, field, ((double *)to)[i]);
+}
+
+static void *place_of(const Field *field, void *to, Affine *nowhere)
+{
+    return field->offset == NOWHERE ? (void *)nowhere : (char *)to + field->offset;
+}
+
+static void read_default(const Node *node, const Field *field, void *to)
+{
+    Affine nowhere;
+    const char *elements = elements_of_kind[field->kind];
+    if (!field->otherwise)
+        fail(node, "%s needs %.*s name=\"%s\" value=\"...\"/>", describe(node), (int)strcspn(elements, ">"), elements,
+             field->name);
+    to = place_of(field, to, &nowhere);
+    if (field->kind == AS_TRANSFORM)
+        *(Affine *)to = affine_identity();
+    else if (*field->otherwise)
+        read_value(node, field, field->otherwise, to);
 }
 
 /* What an element takes, for a message. */
-static const char *taken(const Property *properties, int count, const char *objects)
+static const char *taken(const Field *fields, const char *objects)
 {
     Text list = {0};
-    for (int i = 0; i < count; i++)
-        append_words(&list, "", properties[i].name, "");
+    for (; fields->name; fields++)
+        append_words(&list, "", fields->name, "");
     append_words(&list, "<", objects, ">");
     return list.length ? list.text : "none";
 }
 
-static Property *find_property(const Node *node, Property *properties, int count, const char *objects)
+/* The field that a child gives; NULL if it is one of the objects. */
+static const Field *find_field(const Node *child, const Field *fields, const char *objects)
 {
-    const char *name = attribute(node, "name");
-    for (int i = 0; i < count; i++)
-        if (strcmp(properties[i].name, name) == 0)
-            return &properties[i];
-    fail(node, "%s has no property \"%.80s\" (%s)", describe(node->parent), name,
-         taken(properties, count, objects));
+    bool is_property = false;
+    for (int i = 0; i < COUNT(elements_of_kind); i++)
+        is_property = is_property || gives(child, (FieldKind)i);
+    if (!is_property && find_word(objects, child->tag))
+        return NULL;
+    if (!is_property)
+        fail(child, "<%s> is not supported in %s (%s)", child->tag, describe(child->parent), taken(fields, objects));
+    const char *name = attribute(child, "name");
+    for (const Field *field = fields; field->name; field++)
+        if (strcmp(field->name, name) == 0)
+            return field;
+    fail(child, "%s has no property \"%.80s\" (%s)", describe(child->parent), name, taken(fields, objects));
 }
 
-void read_properties(const Node *node, Property *properties, int count, const char *objects)
+void read_fields(const Node *node, const Field *fields, const char *objects, void *to, Said *said)
 {
+    Affine nowhere;
+    *said = (Said){.file = node->file, .line = node->line, .type = attribute(node, "type"), .fields = fields};
     for (const Node *child = node->first; child; child = child->next) {
-        bool is_property = false;
-        for (int i = 0; i < COUNT(elements_of_kind); i++)
-            is_property = is_property || gives(child, (PropertyKind)i);
-        if (!is_property && find_word(objects, child->tag))
+        const Field *field = find_field(child, fields, objects);
+        if (!field)
             continue;
-        if (!is_property)
-            fail(child, "<%s> is not supported in %s (%s)", child->tag, describe(node),
-                 taken(properties, count, objects));
-        Property *property = find_property(child, properties, count, objects);
-        if (property->node)
-            fail(child, "\"%s\" is given twice, first in line %d", property->name, property->node->line);
-        if (!gives(child, property->kind))
-            fail(child, "\"%s\" must be given as %s, not as <%s>", property->name,
-                 elements_of_kind[property->kind], child->tag);
-        if (child->first && property->kind != AS_TRANSFORM)
+        Place *place = &said->place[field - fields];
+        if (place->line)
+            fail(child, "\"%s\" is given twice, first in line %d", field->name, place->line);
+        if (!gives(child, field->kind))
+            fail(child, "\"%s\" must be given as %s, not as <%s>", field->name, elements_of_kind[field->kind],
+                 child->tag);
+        if (child->first && field->kind != AS_TRANSFORM)
             fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);
-        property->node = child;
-        read_property(property);
+        *place = (Place){child->file, child->line};
+        read_value(child, field, attribute(child, "value"), place_of(field, to, &nowhere));
     }
+    for (const Field *field = fields; field->name; field++)
+        if (!said->place[field - fields].line)
+            read_default(node, field, to);
 }

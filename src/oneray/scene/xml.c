@@ -28,7 +28,9 @@ static const struct { const char *tag, *attributes; } tags[] = {
 /* Where word stands in a list of words by spaces, or NULL; a ! may follow it there. */
 const char *find_word(const char *list, const char *word)
 {
-    size_t length = strlen(word);
+    size_t length = strcspn(word, " !");
+    if (word[length])
+        return NULL;
     for (const char *at = list; length && *at; at += strcspn(at, " "), at += strspn(at, " "))
         if (strncmp(at, word, length) == 0 && (at[length] == '\0' || strchr(" !", at[length])))
             return at;
@@ -286,14 +288,14 @@ static void XMLCALL on_doctype(void *data, const char *name, const char *system,
            "a DOCTYPE is not supported (for values that vary: <default> and $name)");
 }
 
-NORETURN static void fail_reading(const char *file, const Node *named_by, const char *what)
+NORETURN static void fail_reading(const char *file, const Place *named_by, const char *what)
 {
     if (named_by)
         fail(named_by, "%s: %s", file, what);
     die("%s: %s", file, what);
 }
 
-char *read_file(const char *file, size_t most_mib, const Node *named_by, size_t *size)
+char *read_file(const char *file, size_t most_mib, const Place *named_by, size_t *size)
 {
     struct stat status;
     FILE *stream = fopen(file, "rb");

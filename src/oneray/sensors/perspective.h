@@ -1,22 +1,111 @@
-/* The pinhole camera: primary rays, one pixel's box filter. The eye is where the path starts; nothing is
-   sampled towards it. */
+/* The pinhole camera. */
 #ifndef ONERAY_SENSORS_PERSPECTIVE_H
 #define ONERAY_SENSORS_PERSPECTIVE_H
 
-#include "shapes/shape.h"
+#include "fields.h"
+#include "vectors.h"
 
-typedef struct {
+typedef struct perspective {
+    double fov;   /* degrees, that the image spans along … */
+    int fov_axis; /* … the x or the y axis, the diagonal, the smaller or the larger side */
+    double near_clip, far_clip;
+    Affine to_world; /* camera space to world: looks along +z, +x is to the LEFT, +y up */
+} Perspective;
+
+enum { FOV_X, FOV_Y, FOV_DIAGONAL, FOV_SMALLER, FOV_LARGER };
+static const Field perspective_fields[] = {
+    {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},
+    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x y diagonal smaller larger", "x"},
+    {"near_clip", AS_FLOAT, offsetof(Perspective, near_clip), "(0,inf)", ".01"},
+    {"far_clip", AS_FLOAT, offsetof(Perspective, far_clip), "(0,inf)", "1e4"},
+    {"to_world", AS_TRANSFORM, offsetof(Perspective, to_world), NULL, ""},
+    {0},
+};
+
+static inline void perspective_check(void *plugin, Said *said)
+{
+    const Perspective *s = plugin;
+    if (!given(said, "fov"))
+        fail(said, "<sensor> needs a field of view: <float name=\"fov\" value=\"40\"/>, in degrees");
+    if (s->near_clip >= s->far_clip)
+        fail(said, "\"near_clip\" is %g and must be less than \"far_clip\", %g", s->near_clip, s->far_clip);
+    if (fabs(affine_uniform_scale(&s->to_world, 1e-3) - 1) > 1e-3)
+        fail(given(said, "to_world"), "\"to_world\" of a sensor must not scale or shear");
+}
+static const Plugin perspective_plugin = {"perspective", perspective_fields, perspective_check};
+
+/* Half extents of an image of this aspect, width over height, at distance 1. */
+static inline void perspective_extent(const Perspective *s, double aspect, double half[2])
+{
+    bool along_x = s->fov_axis == FOV_X || s->fov_axis == (aspect > 1 ? FOV_LARGER : FOV_SMALLER);
+    half[0] = tan(s->fov * PI / 360);
+    if (s->fov_axis == FOV_DIAGONAL)
+        half[0] *= aspect / hypot(aspect, 1);
+    else if (!along_x && aspect != 1)
+        half[0] *= aspect;
+    half[1] = half[0] / aspect;
+}
+
+static inline void perspective_origin(const Perspective *s, double origin[3]) { column(&s->to_world, 3, origin); }
+static inline double perspective_farthest(const Perspective *s) { return s->far_clip; }
+
+/* The least angle of a pixel, radians. */
+static inline double perspective_pixel(const Perspective *s, int width, int height)
+{
+    double half[2];
+    perspective_extent(s, (double)width / height, half);
+    return fmin(2 * half[0] / width, 2 * half[1] / height);
+}
+
+/* Primary rays, one pixel's box filter. The eye is where the path starts; nothing is sampled towards it. */
+#ifdef LANES
+
+#include "sensors/eye.h"
+
+typedef struct perspective_row {
     Num origin[3], left[3], up[3],
         forward[3]; /* left and up reach the edges of the image at forward's distance 1 */
     Num near_clip, far_clip;
     Num pixel_width, pixel_height; /* in units of the half image: 2/width, 2/height */
     Num to_left[3], to_up[3];      /* left and up over their squared lengths: a point's place in the image */
     Num film_area;                 /* of the image at forward's distance 1 */
-} Camera;
+} PerspectiveRow;
+
+static inline void perspective_row(const Perspective *perspective, int width, int height, PerspectiveRow *camera)
+{
+    double axis[3], extent[2];
+    perspective_extent(perspective, (double)width / height, extent);
+    column(&perspective->to_world, 3, axis);
+    store(camera->origin, axis);
+    for (int j = 0; j < 3; j++) {
+        const double scale[3] = {extent[0], extent[1], 1};
+        Num *const to[3] = {camera->left, camera->up, camera->forward};
+        column(&perspective->to_world, j, axis);
+        double one = length(axis);
+        for (int i = 0; i < 3; i++)
+            axis[i] *= scale[j] / one;
+        store(to[j], axis);
+    }
+    camera->near_clip = (Num)perspective->near_clip;
+    camera->far_clip = (Num)perspective->far_clip;
+    camera->pixel_width = (Num)(2.0 / width);
+    camera->pixel_height = (Num)(2.0 / height);
+    double area = 4;
+    for (int j = 0; j < 2; j++) {
+        double half = extent[j];
+        column(&perspective->to_world, j, axis);
+        double one = length(axis);
+        for (int i = 0; i < 3; i++)
+            axis[i] /= one * half;
+        store(j ? camera->to_up : camera->to_left, axis);
+        area *= half;
+    }
+    camera->film_area = (Num)area;
+}
 
 /* The ray through the point (x, y) of the film, in pixels from its upper left corner. It starts on the near
    plane and ends on the far plane, as Mitsuba's does. */
-STAGE Ray camera_ray(const Camera *camera, Real x, Real y)
+STAGE Ray perspective_ray(const PerspectiveRow *camera, Real x, Real y)
 {
     Real a = real(1) - x * real(camera->pixel_width), b = real(1) - y * real(camera->pixel_height);
     Vec d = vec_add(vec_of(camera->forward),
@@ -29,18 +118,8 @@ STAGE Ray camera_ray(const Camera *camera, Real x, Real y)
     return ray;
 }
 
-/* L17 The other way round: from a point to the eye. */
-typedef struct {
-    Mask seen; /* the point is within the image and between the planes */
-    Vec wi;    /* unit vector to the eye */
-    Real distance;
-    Real to_near; /* of it, up to the near plane */
-    Real x, y;    /* where on the film, in pixels */
-    Real weight;  /* mean radiance of the image per flux arriving, over the receiver's cosine: a pixel sees
-                     dΩ = cos³θ dA_film at distance 1, a surface dΩ cos/d² of it: 1/(d² cos³θ A_film), m⁻²·sr⁻¹ */
-} Eye;
-
-INLINE Eye eye_from(const Camera *camera, Vec p)
+/* L17 The other way round. */
+INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p)
 {
     Vec from_eye = vec_sub(p, vec_of(camera->origin));
     Real z = vec_dot(from_eye, vec_of(camera->forward)), inverse_z = real(1) / z;
@@ -57,5 +136,7 @@ INLINE Eye eye_from(const Camera *camera, Vec p)
                & (b > real(-1)) & (b <= real(1));
     return eye;
 }
+
+#endif
 
 #endif

@@ -2,58 +2,183 @@
 #ifndef ONERAY_SHAPES_MEET_H
 #define ONERAY_SHAPES_MEET_H
 
-#include "shapes/shape.h"
+#include "kinds/shapes.h"
+
+/* How many slots a shape of this kind has. */
+#define SLOTS(name) (name##_planes ? name##_planes : 1)
+
+#define HAS_PLANES (HAS_ALIGNED | HAS_ANY(FLAT_SHAPES) | HAS_ANY(POLYHEDRA))
+
+/* The nearest so far, t = num/den. */
+typedef struct {
+    Real num, den;
+    Index slot;
+} Nearest;
+
+INLINE void take_nearer(Nearest *nearest, Crossing c, Mask within, const Ray *ray, int slot)
+{
+    Mask nearer = within & (c.num > real(0)) & (c.num * nearest->den < nearest->num * c.den);
+    nearer = and_not(nearer, ray->from == index_of(slot));
+    nearest->num = select(nearer, c.num, nearest->num);
+    nearest->den = select(nearer, c.den, nearest->den);
+    nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
+}
+
+INLINE void aligned_nearest(
+    const Shapes *shapes, const Ray *ray, Mask hiding, int axis, Nearest *nearest, Features f)
+{
+    Real t, inverse = real(1) / along(ray->d, axis);
+    for (int slot = shapes->along[axis]; slot < shapes->along[axis + 1]; slot++) {
+        Mask nearer = aligned_meets(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis, inverse, &t) & (t < nearest->num)
+                      & can_meet(shapes, slot, hiding, f);
+        nearer = and_not(nearer, ray->from == index_of(slot));
+        nearest->num = select(nearer, t, nearest->num);
+        nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
+    }
+}
+
+/* The nearest of the flat shapes; all that do not lie along the axes take one division. */
+STAGE Hit flat_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Features f)
+{
+    Nearest nearest = {ray->tmax, real(1), index_of(-1)};
+    if (f.has & HAS_ALIGNED) {
+        aligned_nearest(shapes, ray, hiding, 0, &nearest, f);
+        aligned_nearest(shapes, ray, hiding, 1, &nearest, f);
+        aligned_nearest(shapes, ray, hiding, 2, &nearest, f);
+    }
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME)                                                                                  \
+        for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->count[SHAPE_##NAME]; i++, slot++) {  \
+            Mask within;                                                                                     \
+            Crossing c = name##_cross(shapes, i, ray, &within);                                              \
+            take_nearer(&nearest, c, within & can_meet(shapes, slot, hiding, f), ray, slot);                 \
+        }
+    FLAT_SHAPES(X)
+#undef X
+    return (Hit){f.has & HAS_ANY(FLAT_SHAPES) ? nearest.num / nearest.den : nearest.num, nearest.slot};
+}
+
+INLINE void take(Hit *hit, Mask met, Hit at)
+{
+    *hit = (Hit){select(met, at.t, hit->t), index_select(met, at.slot, hit->slot)};
+}
+
+/* The nearest of the solid ones. */
+INLINE void solid_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Hit *hit, Features f)
+{
+    Hit at;
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME)                                                                                  \
+        for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->count[SHAPE_##NAME];                 \
+             i++, slot += SLOTS(name)) {                                                                    \
+            Mask met = name##_meets(shapes, i, slot, ray, &at);                                              \
+            take(hit, met & (at.t < hit->t) & can_meet(shapes, slot, hiding, f), at);                        \
+        }
+    SOLID_SHAPES(X)
+#undef X
+}
+
+/* Is a flat shape in the way, one that is neither where the ray starts nor where it ends? */
+INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, int slot)
+{
+    Mask before = within & (c.num > real(0)) & (c.num < ray->tmax * c.den);
+    return and_not(before, (ray->from == index_of(slot)) | (target == index_of(slot)));
+}
+
+INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, int axis)
+{
+    Mask blocked = mask_none();
+    for (int slot = shapes->along[axis]; slot < shapes->along_blocking[axis]; slot++) {
+        Crossing c = aligned_crossing(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
+        blocked |= flat_blocks(c, within_aligned(&ROWS(shapes, ALIGNED, Aligned)[slot], c), ray, target, slot);
+    }
+    return blocked;
+}
+
+/* Is any in the way, one after the other? */
+STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Features f)
+{
+    Mask blocked = mask_none();
+    if (f.has & HAS_ALIGNED)
+        blocked = aligned_blocks(shapes, ray, target, 0) | aligned_blocks(shapes, ray, target, 1)
+                  | aligned_blocks(shapes, ray, target, 2);
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME)                                                                                  \
+        for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->blocking[SHAPE_##NAME]; i++, slot++) { \
+            Mask within;                                                                                     \
+            Crossing c = name##_cross(shapes, i, ray, &within);                                              \
+            blocked |= flat_blocks(c, within, ray, target, slot);                                            \
+        }
+    FLAT_SHAPES(X)
+#undef X
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME)                                                                                  \
+        for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->count[SHAPE_##NAME];                 \
+             i++, slot += SLOTS(name))                                                                      \
+            blocked |= name##_blocks(shapes, i, slot, ray, target);
+    SOLID_SHAPES(X)
+#undef X
+    return blocked;
+}
 
 INLINE int axis_of_slot(const Shapes *shapes, int slot)
 {
-    return slot < shapes->aligned_slot[1] ? 0 : slot < shapes->aligned_slot[2] ? 1 : 2;
+    return slot < shapes->along[1] ? 0 : slot < shapes->along[2] ? 1 : 2;
 }
 
-/* The lane's crossing of the flat shape of this slot. */
-INLINE Crossing crossing_of_slot(const Shapes *shapes, int slot, const Ray *ray, Mask *within)
-{
-    Crossing c;
-    if (slot < shapes->aligned_slot[3]) {
-        const Aligned *a = &shapes->aligned[slot];
-        c = aligned_crossing(a, ray, axis_of_slot(shapes, slot));
-        *within = within_aligned(a, c);
-    } else if (slot < shapes->disk_slot) {
-        c = flat_crossing(&shapes->rectangles[slot - shapes->aligned_slot[3]], ray);
-        *within = within_rectangle(c);
-    } else {
-        c = flat_crossing(&shapes->disks[slot - shapes->disk_slot], ray);
-        *within = within_disk(c);
-    }
-    return c;
-}
+/* One shape, by its slot: the loops above for trees. */
+#define IF_SLOT(NAME) if (slot < shapes->first[SHAPE_##NAME + 1])
 
 STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
 {
-    if (slot >= shapes->sphere_slot)
-        return ball_meets(shapes, slot - shapes->sphere_slot, slot, ray, at);
-    if (slot >= shapes->cube_slot)
-        return cube_meets(shapes, (slot - shapes->cube_slot) / 6, slot, ray, at);
-    at->slot = index_of(slot);
-    Mask within, itself = ray->from == index_of(slot);
-    if (slot < shapes->aligned_slot[3]) {
+    Mask within = mask_none(), itself = ray->from == index_of(slot);
+    *at = (Hit){real(0), index_of(slot)};
+    IF_SLOT(ALIGNED)
+    {
         int axis = axis_of_slot(shapes, slot);
         Real inverse = real(1) / along(ray->d, axis);
-        return and_not(aligned_meets(&shapes->aligned[slot], ray, axis, inverse, &at->t), itself);
+        return and_not(aligned_meets(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis, inverse, &at->t), itself);
     }
-    Crossing c = crossing_of_slot(shapes, slot, ray, &within);
-    at->t = c.num / c.den;
-    return and_not(within & (c.num > real(0)), itself);
+#define X(NAME, name, words)                                                                                 \
+    IF_SLOT(NAME)                                                                                            \
+    {                                                                                                        \
+        Crossing c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);                 \
+        at->t = c.num / c.den;                                                                               \
+        return and_not(within & (c.num > real(0)), itself);                                                  \
+    }
+    FLAT_SHAPES(X)
+#undef X
+#define X(NAME, name, words)                                                                                 \
+    IF_SLOT(NAME)                                                                                            \
+    return name##_meets(shapes, (slot - shapes->first[SHAPE_##NAME]) / SLOTS(name), slot, ray, at);
+    SOLID_SHAPES(X)
+#undef X
+    return within;
 }
 
 STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target)
 {
-    if (slot >= shapes->sphere_slot)
-        return ball_blocks(shapes, slot - shapes->sphere_slot, slot, ray, target);
-    if (slot >= shapes->cube_slot)
-        return cube_blocks(shapes, (slot - shapes->cube_slot) / 6, slot, ray, target);
-    Mask within;
-    Crossing c = crossing_of_slot(shapes, slot, ray, &within);
-    return flat_blocks(c, within, ray, target, slot);
+    Mask within = mask_none();
+    IF_SLOT(ALIGNED)
+    {
+        const AlignedRow *row = &ROWS(shapes, ALIGNED, Aligned)[slot];
+        Crossing c = aligned_crossing(row, ray, axis_of_slot(shapes, slot));
+        return flat_blocks(c, within_aligned(row, c), ray, target, slot);
+    }
+#define X(NAME, name, words)                                                                                 \
+    IF_SLOT(NAME)                                                                                            \
+    {                                                                                                        \
+        Crossing c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);                 \
+        return flat_blocks(c, within, ray, target, slot);                                                    \
+    }
+    FLAT_SHAPES(X)
+#undef X
+#define X(NAME, name, words)                                                                                 \
+    IF_SLOT(NAME)                                                                                            \
+    return name##_blocks(shapes, (slot - shapes->first[SHAPE_##NAME]) / SLOTS(name), slot, ray, target);
+    SOLID_SHAPES(X)
+#undef X
+    return within;
 }
 
 INLINE Mask one_lane(int lane)
@@ -191,20 +316,22 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
 {
     Real own[4];
     gather_four(&shapes->anchor[0][0], row * 4, own);
-    Vec anchor = vec(own[0], own[1], own[2]), met = vec_add(ray->o, vec_scale(ray->d, t));
-    Real offset = own[3];
+    Vec met = vec_add(ray->o, vec_scale(ray->d, t));
     *p = met;
-    *n = anchor;
-    if (f.has & (HAS_FLAT | HAS_CUBE))
-        *p = vec_sub(*p, vec_scale(*n, vec_dot(*n, *p) - offset));
-    if (f.has & HAS_SPHERE) {
-        Mask round = (row >= index_of(shapes->sphere_slot)) & (row < index_of(shapes->mesh_row));
-        Vec from_center = vec_sub(met, anchor);
-        Vec outward = vec_normalize(from_center);
-        Vec normal = vec_scale(outward, flip_sign(real(1), offset));
-        *n = vec_select(round, normal, *n);
-        *p = vec_select(round, vec_add(anchor, vec_scale(normal, offset)), *p);
+    *n = vec(own[0], own[1], own[2]);
+    if (f.has & HAS_PLANES)
+        *p = vec_sub(met, vec_scale(*n, vec_dot(*n, met) - own[3]));
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME) {                                                            \
+        Mask is = (row >= index_of(shapes->first[SHAPE_##NAME]))                                             \
+                  & (row < index_of(shapes->first[SHAPE_##NAME + 1]));                                       \
+        Vec point, normal;                                                                                   \
+        name##_surface(own, met, &point, &normal);                                                           \
+        *p = vec_select(is, point, *p);                                                                      \
+        *n = vec_select(is, normal, *n);                                                                     \
     }
+    ROUND_SHAPES(X)
+#undef X
     *face = *n;
     if (f.has & HAS_MESH) {
         Index i = slot - shapes->triangles.first_slot;

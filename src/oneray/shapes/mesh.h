@@ -1,6 +1,105 @@
-/* Triangles, and what a ray meets among them. */
+/* Triangle meshes. */
 #ifndef ONERAY_SHAPES_MESH_H
 #define ONERAY_SHAPES_MESH_H
+
+#include "meshes/mesh.h"
+#include "shapes/placed.h"
+
+#include <stdlib.h>
+
+/* Once it is checked, its triangles are among those of the scene, and the fields are done with. */
+typedef struct mesh {
+    Placed placed;
+    bool face_normals;
+    File filename;
+    const Mesh *all;
+    int first_triangle, triangle_count;
+    bool smooth; /* it has vertex normals */
+} MeshShape;
+
+static const Field mesh_fields[] = {
+    {"filename", AS_FILE, offsetof(MeshShape, filename), NULL, NULL},
+    {"to_world", AS_TRANSFORM, offsetof(MeshShape, placed.to_world), NULL, ""},
+    {"flip_normals", AS_BOOLEAN, offsetof(MeshShape, placed.flip_normals), NULL, "false"},
+    {"face_normals", AS_BOOLEAN, offsetof(MeshShape, face_normals), NULL, "false"},
+    {0},
+};
+
+static inline void mesh_check(void *plugin, Said *said)
+{
+    MeshShape *s = plugin;
+    const char *file = s->filename.name, *bytes = s->filename.bytes;
+    Mesh mesh = {0}, *all = said->triangles;
+    Source source = {file, bytes, bytes + s->filename.size, 1};
+    if (strcmp(said->type, "ply") == 0)
+        ply_read(&source, &mesh);
+    else
+        obj_read(&source, &mesh);
+    free(s->filename.bytes);
+    s->filename.bytes = NULL;
+    if (!mesh.triangle_count)
+        die_at(file, 1, "the mesh has no faces");
+    mesh_finish(&mesh, file, &s->placed.to_world, s->placed.flip_normals, s->face_normals);
+    if (all->triangle_count > MESH_MOST - mesh.triangle_count || all->vertex_count > MESH_MOST - mesh.vertex_count)
+        fail(said, "the scene's meshes have more than %d triangles or vertices", MESH_MOST);
+    s->all = all;
+    s->first_triangle = all->triangle_count;
+    s->triangle_count = mesh.triangle_count;
+    s->smooth = mesh.normal != NULL;
+    mesh_append(all, &mesh);
+}
+static const Plugin mesh_plugin = {"ply obj", mesh_fields, mesh_check};
+
+enum { mesh_planes = 0 };
+static inline int mesh_sides(const MeshShape *s) { return s->triangle_count; }
+static inline Side mesh_side(const MeshShape *s, int k)
+{
+    Side side;
+    const double *corner = s->all->vertex[s->all->triangle[s->first_triangle + k][0]];
+    triangle_edges(s->all, s->first_triangle + k, 0, side.x, side.y, side.normal);
+    side.across = length(side.normal);
+    side.area = side.across / 2;
+    for (int i = 0; i < 3; i++) {
+        side.middle[i] = corner[i] + (side.x[i] + side.y[i]) / 3;
+        side.normal[i] = side.across > 0 ? side.normal[i] / side.across : 0;
+    }
+    return side;
+}
+
+static inline void mesh_bounds(const MeshShape *s, double low[3], double high[3])
+{
+    for (int axis = 0; axis < 3; axis++)
+        for (int i = 0; i < 3 * s->triangle_count; i++) {
+            double x = s->all->vertex[s->all->triangle[s->first_triangle + i / 3][i % 3]][axis];
+            low[axis] = i ? fmin(low[axis], x) : x;
+            high[axis] = i ? fmax(high[axis], x) : x;
+        }
+}
+
+/* Half the sides of its box, where it is not flat. A triangle's least height is twice its area over its longest side;
+   their mean is by area, as errors are: a few slivers among many others, as at the poles of a ball, are a small share
+   of any pixel. */
+static inline Size mesh_size(const MeshShape *s)
+{
+    Size size = {HUGE_VAL, HUGE_VAL};
+    double low[3], high[3], third[3], across = 0, longest = 0;
+    mesh_bounds(s, low, high);
+    for (int axis = 0; axis < 3; axis++)
+        if (high[axis] > low[axis])
+            size.least = fmin(size.least, (high[axis] - low[axis]) / 2);
+    for (int k = 0; k < s->triangle_count; k++) {
+        Side side = mesh_side(s, k);
+        difference(side.y, side.x, third);
+        across += side.across;
+        longest += fmax(length(side.x), fmax(length(side.y), length(third)));
+    }
+    if (longest > 0)
+        size.height = across / longest;
+    return size;
+}
+
+/* What a ray meets among the triangles. */
+#ifdef LANES
 
 #include "trees/tree.h"
 
@@ -146,5 +245,7 @@ STAGE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec
         mean = vec_add(mean, vec_scale(vec_gather(triangles->normal, corner[c]), share[c]));
     *n = vec_select(vec_dot(mean, mean) > real(0), vec_normalize(mean), *face);
 }
+
+#endif
 
 #endif

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import mutants, references, renderers
-from raycheck.calibration import trials
+from raycheck.calibration import payloads, trials
 from raycheck.diagnosis import folder
 from raycheck.evidence import fine_tiles
 from raycheck.mutants import Mutant
@@ -177,12 +177,15 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
         }  # fmt: skip
     listing = {
         "mistakes": {
-            m.name: {"technique": m.technique, "mistake": m.mistake, "symptom": m.symptom, "patch": m.digest}
+            m.name: {
+                "technique": m.technique, "mistake": m.mistake, "symptom": m.symptom,
+                "payload": payloads.of_mutant(m),
+            }
             for m in mistakes
             if m.name in seen
         },
         "scenes": scenes,
-    }
+    }  # fmt: skip
     partial = target / ".manifest.json.part"
     partial.write_text(json.dumps(listing, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     partial.replace(target / "manifest.json")

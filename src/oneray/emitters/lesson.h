@@ -1,8 +1,8 @@
 /* L18 Learning which lights are seen from where, in a short pre-pass with samples of its own. What was learned
    is then frozen: the picture stays unbiased and the same in every split. Counts are whole numbers, so the
    order of the paths does not matter. */
-#ifndef ONERAY_KERNEL_LEARN_H
-#define ONERAY_KERNEL_LEARN_H
+#ifndef ONERAY_EMITTERS_LESSON_H
+#define ONERAY_EMITTERS_LESSON_H
 
 #include "emitters/choice.h"
 

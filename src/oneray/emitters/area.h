@@ -1,0 +1,177 @@
+/* A shape that shines, all its surface alike, on the side of the normal. */
+#ifndef ONERAY_EMITTERS_AREA_H
+#define ONERAY_EMITTERS_AREA_H
+
+#include "emitters/from.h"
+
+typedef struct area {
+    double radiance[3]; /* W·sr⁻¹·m⁻² */
+} Area;
+
+static const Field area_fields[] = {
+    {"radiance", AS_COLOUR, offsetof(Area, radiance), "[0,inf)", "1"},
+    {0},
+};
+static const Plugin area_plugin = {"area", area_fields, NULL};
+
+enum { area_from = FROM_SHAPE };
+static inline const double *area_emission(const Area *e) { return e->radiance; }
+static inline const double *area_position(const Area *e) { return (void)e, NULL; }
+static inline double area_flux(const Area *e, double area, double radius) { return (void)e, (void)radius, PI * area; }
+static inline const char *area_odd(const Area *e) { return (void)e, NULL; }
+
+#ifdef LANES
+
+#include "emitters/rectangle_light.h"
+#include "emitters/sphere_light.h"
+
+/* 1/pdf_w (sr) of the direction to a point of light i, given that light i was chosen; 1/d² and cosine are those
+   of the point on the light. The one place where densities on lights become densities of directions:
+   sampling a light and weighing a light that was hit both call it.
+   By area, pdf_w = 1/A · d²/cosθ_light; the facing half of a sphere has half the area; a cone 2π(1 -
+   cosθmax), one that sets its block above the horizon; a rectangle its solid angle. */
+INLINE Real inverse_pdf_w_point(const Emitters *emitters, Index i, Real inverse_dd, Real cosine,
+    const SphereView *sphere, const RectangleView *rectangle, Features f)
+{
+    Real inverse = of_light(emitters->area, i, f) * cosine * inverse_dd;
+    if (f.use & USE_FACING)
+        inverse = select(sphere->outside, real(0.5) * inverse, inverse);
+    if (f.use & USE_CONE) {
+        inverse = select(sphere->outside, real(1) / pdf_w_cone(sphere->extent), inverse);
+        if (any(sphere->sets))
+            inverse = select(sphere->sets, real(2) * sphere->turn * sphere->rise, inverse);
+    }
+    if (f.use & USE_SOLID_ANGLE)
+        inverse = select(rectangle->serves, rectangle->solid_angle, inverse);
+    return inverse;
+}
+
+/* The same for a light that the ray from `at` has hit. */
+STAGE Real inverse_pdf_w_hit(
+    const Emitters *emitters, Index i, const Receiver *at, Real distance, Real cosine, Features f)
+{
+    SphereView sphere = {0};
+    RectangleView rectangle = {0};
+    if (f.use & (USE_FACING | USE_CONE))
+        sphere = view_sphere(emitters, i, at, f);
+    if (f.use & USE_SOLID_ANGLE)
+        rectangle = view_rectangle(emitters, i, at, f);
+    return inverse_pdf_w_point(emitters, i, real(1) / (distance * distance), cosine, &sphere, &rectangle, f);
+}
+
+static inline void area_put(const Area *e, Emitters *emitters, int i) { (void)e, (void)emitters, (void)i; }
+
+/* It shines to one side if it is flat. */
+static inline void area_leaf(const Emitters *emitters, int i, Leaf *leaf)
+{
+    double x[3], y[3];
+    if (emitters->site[i] == SITE_SPHERE) {
+        leaf->radius = fabs((double)emitters->radius[i]);
+        leaf->power *= PI * leaf->radius * leaf->radius;
+        return;
+    }
+    for (int c = 0; c < 3; c++) {
+        leaf->axis[c] = (double)emitters->normal[i][c];
+        x[c] = (double)emitters->edge_x[i][c];
+        y[c] = (double)emitters->edge_y[i][c];
+    }
+    leaf->radius = length(x) + length(y);
+    leaf->spread = 0;
+    leaf->power *= (double)emitters->area[i];
+}
+
+/* A place on a flat light in units of its edges, uniform by area. */
+INLINE void sample_flat(const Emitters *emitters, Index i, Real u, Real v, Real *x, Real *y, Features f)
+{
+    rectangle_sample(u, v, x, y);
+    if (f.has & HAS_DISK) {
+        Mask disk = is_site(emitters, SITE_DISK, i, f);
+        Real disk_x, disk_y;
+        disk_sample(u, v, &disk_x, &disk_y);
+        *x = select(disk, disk_x, *x);
+        *y = select(disk, disk_y, *y);
+    }
+    if (f.has & HAS_MESH_LIGHT) {
+        Mask triangle = is_site(emitters, SITE_MESH, i, f);
+        Real second, third;
+        sample_triangle(u, v, &second, &third);
+        *x = select(triangle, second, *x);
+        *y = select(triangle, third, *y);
+    }
+}
+
+/* L2, L3, L5 A uniform point of a light's shape, and the normal there. */
+INLINE void sample_area(const Emitters *emitters, Index i, Real u, Real v, Vec *point, Vec *normal, Features f)
+{
+    Vec center = vec_of_light(emitters->position, i, f);
+    *point = center;
+    *normal = vec_all(real(0));
+    if (f.has & (HAS_FLAT_LIGHT | HAS_MESH_LIGHT)) {
+        Real x, y;
+        sample_flat(emitters, i, u, v, &x, &y, f);
+        *point = vec_add(center, vec_add(vec_scale(vec_of_light(emitters->edge_x, i, f), x),
+                                     vec_scale(vec_of_light(emitters->edge_y, i, f), y)));
+        *normal = vec_of_light(emitters->normal, i, f);
+    }
+    if (f.has & HAS_SPHERE_LIGHT) {
+        Mask ball = is_site(emitters, SITE_SPHERE, i, f);
+        Vec on, outward;
+        sphere_sample(center, of_light(emitters->radius, i, f), u, v, &on, &outward);
+        *point = vec_select(ball, on, *point);
+        *normal = vec_select(ball, outward, *normal);
+    }
+}
+
+/* No flat light sees itself, however its cosine is rounded. */
+INLINE Mask is_itself(const Emitters *emitters, Index i, const Receiver *at, Features f)
+{
+    Mask itself = index_of_light(emitters->slot, i, f) == at->slot;
+    return f.has & HAS_SPHERE_LIGHT ? and_not(itself, is_site(emitters, SITE_SPHERE, i, f)) : itself;
+}
+
+/* L2, L3, L5 E = L A cosθ_light cosθ/d²; the receiver's cosine is left to the caller. */
+INLINE LightSample area_towards(const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
+{
+    Vec point, normal;
+    SphereView sphere = {0};
+    RectangleView rectangle = {0};
+    sample_area(emitters, i, u, v, &point, &normal, f);
+    if (f.use & (USE_FACING | USE_CONE))
+        sphere = view_sphere(emitters, i, at, f);
+    if (f.use & USE_FACING)
+        sample_facing(emitters, i, &sphere, u, v, &point, &normal, f);
+    if (f.use & USE_SOLID_ANGLE) {
+        rectangle = view_rectangle(emitters, i, at, f);
+        if (any(rectangle.serves))
+            point = vec_select(rectangle.serves, point_of_rectangle(emitters, i, &rectangle, u, v, f), point);
+    }
+    Vec delta = vec_sub(point, at->p);
+    Real distance = vec_length(delta), inverse_d = real(1) / distance;
+    LightSample s = {vec_scale(delta, inverse_d), distance, light_all(real(0)), real(0),
+        index_of_light(emitters->slot, i, f), i};
+    Real cosine = -vec_dot(normal, s.wi);
+    Real inverse = inverse_pdf_w_point(emitters, i, inverse_d * inverse_d, cosine, &sphere, &rectangle, f);
+    Mask shines = cosine > real(0);
+    if (f.has & (HAS_FLAT_LIGHT | HAS_MESH_LIGHT))
+        shines = and_not(shines, is_itself(emitters, i, at, f));
+    if (f.use & USE_CONE) {
+        Mask meets = sample_sphere_cone(emitters, i, at, &sphere, u, v, &s, f);
+        shines = index_select(sphere.outside, meets & (of_light(emitters->radius, i, f) > real(0)), shines);
+    }
+    s.inverse_pdf_w = only(shines, inverse);
+    s.weight = light_all(s.inverse_pdf_w);
+    return s;
+}
+
+/* L17 A uniform point, a direction by the cosine; flux L π A. */
+INLINE FirstRay area_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+{
+    Vec point, normal;
+    sample_area(emitters, i, place[0], place[1], &point, &normal, f);
+    Vec d = vec_from_frame(normal, sample_hemisphere_cosine(way[0], way[1]));
+    return (FirstRay){
+        point, d, index_of_light(emitters->slot, i, f), REAL_PI * of_light(emitters->area, i, f)};
+}
+
+#endif
+#endif

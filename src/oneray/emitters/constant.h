@@ -1,0 +1,67 @@
+/* Light from all around, alike in all directions. */
+#ifndef ONERAY_EMITTERS_CONSTANT_H
+#define ONERAY_EMITTERS_CONSTANT_H
+
+#include "emitters/from.h"
+
+typedef struct constant {
+    double radiance[3]; /* W·sr⁻¹·m⁻² */
+} Constant;
+
+static const Field constant_fields[] = {
+    {"radiance", AS_COLOUR, offsetof(Constant, radiance), "[0,inf)", "1"},
+    {0},
+};
+static const Plugin constant_plugin = {"constant", constant_fields, NULL};
+
+enum { constant_from = FROM_AROUND };
+static inline const double *constant_emission(const Constant *e) { return e->radiance; }
+static inline const double *constant_position(const Constant *e) { return (void)e, NULL; }
+static inline double constant_flux(const Constant *e, double area, double radius)
+{
+    return (void)e, (void)area, 4 * PI * PI * radius * radius;
+}
+static inline const char *constant_odd(const Constant *e) { return (void)e, NULL; }
+
+#ifdef LANES
+
+#include "emitters/emitter.h"
+
+static inline void constant_put(const Constant *e, Emitters *emitters, int i) { (void)e, (void)emitters, (void)i; }
+static inline void constant_leaf(const Emitters *emitters, int i, Leaf *leaf)
+{
+    (void)i;
+    far_leaf(emitters, PI, leaf);
+}
+
+INLINE Light constant_radiance(const Emitters *emitters, Vec wi)
+{
+    (void)wi;
+    return light_of(emitters->emission[emitters->sky]);
+}
+
+INLINE Real constant_pdf_w(const Emitters *emitters, Vec wi)
+{
+    (void)emitters, (void)wi;
+    return pdf_w_sphere();
+}
+
+INLINE LightSample constant_towards(
+    const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
+{
+    (void)at, (void)f;
+    Vec wi = sample_sphere(u, v);
+    Real inverse = real(1) / constant_pdf_w(emitters, wi);
+    return (LightSample){wi, real(NUM_MAX), light_all(inverse), inverse, index_of(-1), i};
+}
+
+/* L17 From a uniform direction, flux 4π L π R². */
+INLINE FirstRay constant_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+{
+    Real radius = real(emitters->world_radius), flux = REAL_PI * radius * radius;
+    (void)i, (void)f;
+    return from_far_away(emitters, sample_sphere(way[0], way[1]), place, flux / pdf_w_sphere());
+}
+
+#endif
+#endif

@@ -1,0 +1,77 @@
+/* Light from afar, all of it along one direction: +z of its own space. */
+#ifndef ONERAY_EMITTERS_DIRECTIONAL_H
+#define ONERAY_EMITTERS_DIRECTIONAL_H
+
+#include "emitters/from.h"
+
+typedef struct directional {
+    double direction[3];  /* along which the light travels; unit, once it is checked */
+    Affine to_world;      /* whose z axis it is, where the file says it so */
+    double irradiance[3]; /* of a plane across it, W·m⁻² */
+} Directional;
+
+static const Field directional_fields[] = {
+    {"direction", AS_VECTOR, offsetof(Directional, direction), NULL, "0 0 1"},
+    {"to_world", AS_TRANSFORM, offsetof(Directional, to_world), NULL, ""},
+    {"irradiance", AS_COLOUR, offsetof(Directional, irradiance), "[0,inf)", "1"},
+    {0},
+};
+
+static inline void directional_check(void *plugin, Said *said)
+{
+    Directional *e = plugin;
+    const Place *direction = given(said, "direction"), *to_world = given(said, "to_world");
+    if (direction && to_world)
+        fail(said, "<emitter type=\"directional\"> has \"direction\" and \"to_world\": write one or the other");
+    if (to_world)
+        column(&e->to_world, 2, e->direction);
+    double size = unit(e->direction, e->direction);
+    if (!(size > 0 && size < HUGE_VAL) && direction)
+        fail(direction, "\"direction\" must not be of zero or overflowing length");
+    if (!(fabs(size - 1) <= 1e-5) && to_world)
+        fail(to_world, "\"to_world\" of a directional emitter must not scale (Mitsuba multiplies the irradiance by "
+            "it)");
+}
+static const Plugin directional_plugin = {"directional", directional_fields, directional_check};
+
+enum { directional_from = FROM_AFAR };
+static inline const double *directional_emission(const Directional *e) { return e->irradiance; }
+static inline const double *directional_position(const Directional *e) { return (void)e, NULL; }
+static inline double directional_flux(const Directional *e, double area, double radius)
+{
+    return (void)e, (void)area, PI * radius * radius;
+}
+static inline const char *directional_odd(const Directional *e) { return (void)e, NULL; }
+
+#ifdef LANES
+
+#include "emitters/emitter.h"
+
+static inline void directional_put(const Directional *e, Emitters *emitters, int i)
+{
+    store(emitters->edge_x[i], e->direction);
+}
+static inline void directional_leaf(const Emitters *emitters, int i, Leaf *leaf)
+{
+    (void)i;
+    far_leaf(emitters, 1, leaf);
+}
+
+INLINE LightSample directional_towards(
+    const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
+{
+    (void)at, (void)u, (void)v;
+    Vec wi = vec_neg(vec_of_light(emitters->edge_x, i, f));
+    return (LightSample){wi, real(NUM_MAX), light_all(real(1)), real(0), index_of(-1), i};
+}
+
+/* L17 Flux E π R². */
+INLINE FirstRay directional_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+{
+    Real radius = real(emitters->world_radius);
+    (void)way;
+    return from_far_away(emitters, vec_of_light(emitters->edge_x, i, f), place, REAL_PI * radius * radius);
+}
+
+#endif
+#endif

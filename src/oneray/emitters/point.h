@@ -1,0 +1,61 @@
+/* A light in a point, alike in all directions. */
+#ifndef ONERAY_EMITTERS_POINT_H
+#define ONERAY_EMITTERS_POINT_H
+
+#include "emitters/from.h"
+
+typedef struct point {
+    double position[3];
+    double intensity[3]; /* W·sr⁻¹ */
+    Affine to_world;     /* whose origin is the position, where the file says it so */
+} Point;
+
+static const Field point_fields[] = {
+    {"position", AS_VECTOR, offsetof(Point, position), NULL, "0"},
+    {"to_world", AS_TRANSFORM, offsetof(Point, to_world), NULL, ""},
+    {"intensity", AS_COLOUR, offsetof(Point, intensity), "[0,inf)", "1"},
+    {0},
+};
+
+static inline void point_check(void *plugin, Said *said)
+{
+    Point *e = plugin;
+    if (given(said, "position") && given(said, "to_world"))
+        fail(said, "<emitter type=\"point\"> has \"position\" and \"to_world\": write one or the other");
+    if (given(said, "to_world"))
+        column(&e->to_world, 3, e->position);
+}
+static const Plugin point_plugin = {"point", point_fields, point_check};
+
+enum { point_from = FROM_POINT };
+static inline const double *point_emission(const Point *e) { return e->intensity; }
+static inline const double *point_position(const Point *e) { return e->position; }
+static inline double point_flux(const Point *e, double area, double radius)
+{
+    return (void)e, (void)area, (void)radius, 4 * PI;
+}
+static inline const char *point_odd(const Point *e) { return (void)e, NULL; }
+
+#ifdef LANES
+
+#include "emitters/emitter.h"
+
+static inline void point_put(const Point *e, Emitters *emitters, int i) { store(emitters->position[i], e->position); }
+static inline void point_leaf(const Emitters *emitters, int i, Leaf *leaf) { (void)emitters, (void)i, (void)leaf; }
+
+INLINE LightSample point_towards(const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
+{
+    (void)u, (void)v;
+    return towards_place(emitters, i, at, f);
+}
+
+/* L17 Flux 4π I. */
+INLINE FirstRay point_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+{
+    (void)place;
+    return (FirstRay){vec_of_light(emitters->position, i, f), sample_sphere(way[0], way[1]), index_of(-1),
+        real(1) / pdf_w_sphere()};
+}
+
+#endif
+#endif

@@ -1,0 +1,108 @@
+/* A light in a point that shines into a cone along +z of its own space: with all its intensity up to an angle of
+   beam_width from the axis, from there less and less, and not at all beyond cutoff_angle. */
+#ifndef ONERAY_EMITTERS_SPOT_H
+#define ONERAY_EMITTERS_SPOT_H
+
+#include "emitters/from.h"
+
+typedef struct spot {
+    Affine to_world;
+    double intensity[3];             /* on the axis, W·sr⁻¹ */
+    double cutoff_angle, beam_width; /* degrees in the file, radians once it is checked */
+    double position[3], direction[3];
+} Spot;
+
+static const Field spot_fields[] = {
+    {"to_world", AS_TRANSFORM, offsetof(Spot, to_world), NULL, ""},
+    {"intensity", AS_COLOUR, offsetof(Spot, intensity), "[0,inf)", "1"},
+    {"cutoff_angle", AS_FLOAT, offsetof(Spot, cutoff_angle), "(0,180]", "20"},
+    {"beam_width", AS_FLOAT, offsetof(Spot, beam_width), "[0,180]", ""},
+    {0},
+};
+
+static inline void spot_check(void *plugin, Said *said)
+{
+    Spot *e = plugin;
+    if (!given(said, "beam_width"))
+        e->beam_width = e->cutoff_angle * .75;
+    if (e->beam_width > e->cutoff_angle)
+        fail(said, "\"beam_width\" is %g, more than \"cutoff_angle\", %g", e->beam_width, e->cutoff_angle);
+    if (affine_uniform_scale(&e->to_world, 1e-3) == 0)
+        fail(given(said, "to_world"), "\"to_world\" of a spot must not shear or scale by axis: its cone is round");
+    column(&e->to_world, 3, e->position);
+    column(&e->to_world, 2, e->direction);
+    unit(e->direction, e->direction);
+    e->cutoff_angle = e->cutoff_angle * PI / 180;
+    e->beam_width = e->beam_width * PI / 180;
+}
+static const Plugin spot_plugin = {"spot", spot_fields, spot_check};
+
+enum { spot_from = FROM_POINT };
+static inline const double *spot_emission(const Spot *e) { return e->intensity; }
+static inline const double *spot_position(const Spot *e) { return e->position; }
+/* Of the cone up to the middle of its rim. */
+static inline double spot_flux(const Spot *e, double area, double radius)
+{
+    return (void)area, (void)radius, 2 * PI * (1 - cos((e->cutoff_angle + e->beam_width) / 2));
+}
+static inline const char *spot_odd(const Spot *e)
+{
+    bool sharp = e->cutoff_angle < 1e-3 || e->cutoff_angle - e->beam_width < 1e-3 * e->cutoff_angle;
+    return sharp ? "a spot with a cone or rim of less than 0.001" : NULL;
+}
+
+#ifdef LANES
+
+#include "emitters/emitter.h"
+
+static inline void spot_put(const Spot *e, Emitters *emitters, int i)
+{
+    store(emitters->position[i], e->position);
+    store(emitters->edge_x[i], e->direction);
+    emitters->cutoff[i] = (Num)e->cutoff_angle;
+    emitters->beam[i] = (Num)e->beam_width;
+    emitters->extent[i] = (Num)(2 * pow(sin(e->cutoff_angle / 2), 2));
+}
+static inline void spot_leaf(const Emitters *emitters, int i, Leaf *leaf)
+{
+    for (int c = 0; c < 3; c++)
+        leaf->axis[c] = (double)emitters->edge_x[i][c];
+    leaf->spread = (double)emitters->cutoff[i];
+}
+
+/* The spot's share of its intensity at this angle to its axis (radians): 1 within the beam, 0 beyond the
+   cutoff, linear between. */
+INLINE Real spot_falloff(Real angle, Real beam, Real cutoff)
+{
+    Real ramp = real_max((cutoff - angle) / (cutoff - beam), real(0));
+    return select(angle <= beam, real(1), ramp);
+}
+
+/* The same towards -wi. */
+INLINE Real falloff_of(const Emitters *emitters, Index i, Vec wi, Features f)
+{
+    Vec axis = vec_of_light(emitters->edge_x, i, f);
+    Real angle = angle_of(vec_length(vec_cross(axis, wi)), -vec_dot(axis, wi));
+    return spot_falloff(angle, of_light(emitters->beam, i, f), of_light(emitters->cutoff, i, f));
+}
+
+INLINE LightSample spot_towards(const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
+{
+    (void)u, (void)v;
+    LightSample s = towards_place(emitters, i, at, f);
+    s.weight = light_scale(s.weight, falloff_of(emitters, i, s.wi, f));
+    return s;
+}
+
+/* L17 Uniform in its cone, flux 2π (1 - cos cutoff) I falloff. */
+INLINE FirstRay spot_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+{
+    (void)place;
+    Real extent = of_light(emitters->extent, i, f);
+    Vec d = vec_from_frame(vec_of_light(emitters->edge_x, i, f), sample_cone(way[0], way[1], extent));
+    Real falloff = falloff_of(emitters, i, vec_neg(d), f);
+    return (FirstRay){vec_of_light(emitters->position, i, f), d, index_of(-1), falloff / pdf_w_cone(extent)};
+}
+
+#endif
+#endif

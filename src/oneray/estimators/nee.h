@@ -1,0 +1,54 @@
+/* L10 Next event estimation. */
+#ifndef ONERAY_ESTIMATORS_NEE_H
+#define ONERAY_ESTIMATORS_NEE_H
+
+#include "estimators/mis.h"
+#include "media/medium.h"
+
+/* Which lanes can receive light from a direction with this cosine: from the ray's side of the surface, or where a
+   finite material transmits from both. */
+INLINE Mask can_receive(Real cosine, Features f)
+{
+    return f.has & HAS_ANY(FINITE_MATERIALS) & TRANSMITTING ? cosine != real(0) : cosine > real(0);
+}
+INLINE Real received(Real cosine, Features f)
+{
+    return f.has & HAS_ANY(FINITE_MATERIALS) & TRANSMITTING ? real_abs(cosine) : cosine;
+}
+
+/* L3 V: does light come through from the ray's end, at most tmax away, and (in a medium) how much of it? */
+INLINE Mask comes_through(
+    Path *path, const Scene *scene, const Ray *ray, Mask active, Index target, Light *light, Features f)
+{
+    path->shadow_rays += active;
+    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, ray, active, target, f));
+    if (f.has & HAS_ANY(MEDIA))
+        *light = light_mul(*light, transmittance(ray, f));
+    return arrives;
+}
+
+/* L10 Next event estimation: one ray to one light, L_o ≈ (1/p_i) f_r L V A cosθi cosθo / d². L13: weighed
+   where the random walk could have hit that light as well. */
+STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, const Real choice[2],
+    const Real point[2], Features f)
+{
+    Receiver at = {s->p, s->n, s->slot};
+    LightSample sample = sample_light(&scene->emitters, &at, choice, point, f);
+    Real cosine = vec_dot(s->n, sample.wi);
+    Evaluation surface = evaluate_material(&scene->materials, s, sample.wi, cosine, f);
+    Light light = light_scale(light_mul(surface.f_r, sample.weight), received(cosine, f));
+    if (f.use & USE_MIS) {
+        Real pdf_w = pdf_w_bounce(path, scene, &surface, f);
+        light = light_scale(light, mis_weight_light(pdf_w * sample.inverse_pdf_w, f));
+    }
+    active &= can_receive(cosine, f) & (light_max(sample.weight) > real(0));
+    if (!any(active))
+        return;
+    Ray shadow = {s->p, sample.wi, sample.distance, s->slot};
+    Mask arrives = comes_through(path, scene, &shadow, active, sample.slot, &light, f);
+    path->radiance = light_add(path->radiance, light_only(arrives, light_mul(path_weight(path, f), light)));
+    if ((f.use & USE_LEARNED) && scene->lesson)
+        learn_visibility(scene->lesson, &scene->emitters.tree, s->p, sample.emitter, active, arrives);
+}
+
+#endif

@@ -1,0 +1,64 @@
+/* The surface that a ray meets, whatever its shape and material. */
+#ifndef ONERAY_ESTIMATORS_SURFACE_H
+#define ONERAY_ESTIMATORS_SURFACE_H
+
+#include "materials/scatter.h"
+#include "shapes/meet.h"
+
+/* front: does the ray come to the side that light shines from? */
+STAGE Surface surface_at(
+    const Shapes *shapes, const Materials *materials, const Ray *ray, Hit hit, Mask *front, Features f)
+{
+    Surface s;
+    Vec n;
+    s.slot = index_select(hit.slot < 0, index_of(0), hit.slot);
+    s.of = row_of_slot(shapes, s.slot, f);
+    shapes_surface(shapes, ray, s.slot, s.of, hit.t, &s.p, &n, &s.face, f);
+    s.wo = vec_neg(ray->d);
+    Real cosine = vec_dot(n, s.wo), of_face = f.has & HAS_SMOOTH ? vec_dot(s.face, s.wo) : cosine;
+    *front = of_face > real(0);
+    s.cos_face = real_abs(of_face);
+    s.n = vec_scale(n, flip_sign(real(1), cosine));
+    s.cos_o = real_abs(cosine);
+    s.row = s.of * 2 + index_select(cosine > real(0), index_of(0), index_of(1));
+    find_material(materials, &s, f);
+    return s;
+}
+
+/* Vertices of paths, kept as they come: what estimators want that join paths at more than their last one. */
+typedef struct {
+    double p[3], n[3], wo[3];  /* point, normal on the ray's side, unit vector to where the path came from */
+    double throughput[3];      /* of the path on its arrival */
+    double pdf_w;              /* of the direction that it came by, sr⁻¹; 0 where a delta sent it */
+    int64_t slot, row;
+    int delta;
+} Vertex;
+
+typedef struct {
+    Vertex *list; /* [lane][room] */
+    int room;     /* vertices of a path; those beyond are not kept */
+    int count[LANES];
+} Vertices;
+
+/* Puts away the surface at which the paths of these lanes have arrived as their vertex number `depth`. */
+static inline void keep_vertex(
+    Vertices *vertices, const Surface *s, Light throughput, Real pdf_w, Mask by_delta, Index depth, Mask lanes)
+{
+    for (unsigned left = mask_bits(lanes); left; left &= left - 1) {
+        int lane = lowest_lane(left), at = (int)LANE(depth, lane);
+        if (at >= vertices->room)
+            continue;
+        Vertex *v = &vertices->list[lane * vertices->room + at];
+        vec_lane(&s->p, lane, v->p);
+        vec_lane(&s->n, lane, v->n);
+        vec_lane(&s->wo, lane, v->wo);
+        light_lane(&throughput, lane, v->throughput);
+        v->pdf_w = LANE(by_delta, lane) ? 0 : (double)LANE(pdf_w, lane);
+        v->slot = LANE(s->slot, lane);
+        v->row = LANE(s->row, lane);
+        v->delta = LANE(s->delta, lane) != 0;
+        vertices->count[lane] = at + 1;
+    }
+}
+
+#endif

@@ -1,0 +1,73 @@
+/* What a scene file may say of a plugin: a table of fields, by which one reader (scene/values.c) fills the plugin's
+   struct, and a function that checks what the fields demand of each other. */
+#ifndef ONERAY_FIELDS_H
+#define ONERAY_FIELDS_H
+
+#include "message.h"
+
+#include <stddef.h>
+#include <string.h>
+
+typedef enum {
+    AS_FLOAT,     /* double */
+    AS_IOR,       /* double: an index of refraction, or a medium's name */
+    AS_COLOUR,    /* double[3] */
+    AS_VECTOR,    /* double[3] */
+    AS_INTEGER,   /* int */
+    AS_BOOLEAN,   /* bool */
+    AS_STRING,    /* const char *, which the scene file has as long as it is being read */
+    AS_WORD,      /* int: which word of the range */
+    AS_TRANSFORM, /* Affine; without, the identity */
+    AS_FILE       /* File */
+} FieldKind;
+
+typedef struct {
+    const char *name;
+    FieldKind kind;
+    size_t offset;         /* in the plugin's struct, or NOWHERE */
+    const char *range;     /* of a number, "(0,180)" or "[0,inf)"; the words; or NULL */
+    const char *otherwise; /* what holds where the file says nothing: a value as in a file; "" is 0; NULL: it must say */
+} Field; /* a table ends with {0} */
+
+/* A value of which there is but one: it is checked, and needs no place. */
+#define NOWHERE ((size_t)-1)
+
+/* A file that the scene file names, in memory until the check: whose name is relative to the scene's folder. */
+typedef struct {
+    char *name, *bytes;
+    size_t size;
+} File;
+
+typedef struct {
+    const char *file;
+    int line;
+} Place;
+
+/* An element, as far as its plugin's struct does not say it. */
+enum { MOST_FIELDS = 16 };
+typedef struct {
+    const char *file; /* with line, where it stands: fail(said, …) */
+    int line;
+    const char *type;
+    const Field *fields;
+    Place place[MOST_FIELDS]; /* of each field; line 0: the file does not say it */
+    struct Mesh *triangles;   /* of the scene: a mesh is put behind them */
+    const char *left_out;     /* set by a check: why the scene does without */
+} Said;
+
+typedef struct {
+    const char *types; /* its name in scene files, or several, "ply obj" */
+    const Field *fields;
+    void (*check)(void *plugin, Said *said); /* or NULL */
+} Plugin;
+
+/* Where the file says the field, or NULL. */
+static inline const Place *given(const Said *said, const char *field)
+{
+    for (int i = 0; said->fields[i].name; i++)
+        if (strcmp(said->fields[i].name, field) == 0 && said->place[i].line)
+            return &said->place[i];
+    return NULL;
+}
+
+#endif

@@ -1,0 +1,94 @@
+/* L11 Conductor: a smooth mirror, perfect or of metal, on the side of the normal. */
+#ifndef ONERAY_MATERIALS_CONDUCTOR_H
+#define ONERAY_MATERIALS_CONDUCTOR_H
+
+#include "fields.h"
+
+typedef struct conductor {
+    double specular_reflectance[3];
+    double eta[3], k[3]; /* complex index of refraction eta + i k, by channel, … */
+    bool fresnel;        /* … of a metal; else Mitsuba's material "none", a perfect mirror */
+    const char *material;
+} Conductor;
+
+static const Field conductor_fields[] = {
+    {"material", AS_STRING, offsetof(Conductor, material), NULL, ""},
+    {"specular_reflectance", AS_COLOUR, offsetof(Conductor, specular_reflectance), "[0,1]", "1"},
+    {"eta", AS_COLOUR, offsetof(Conductor, eta), "(0,1000]", ""},
+    {"k", AS_COLOUR, offsetof(Conductor, k), "[0,1000]", ""},
+    {0},
+};
+
+static inline void conductor_check(void *plugin, Said *said)
+{
+    Conductor *m = plugin;
+    const char *name = m->material;
+    m->material = NULL;
+    m->fresnel = given(said, "eta") || given(said, "k");
+    if (name && strcmp(name, "none") != 0)
+        fail(given(said, "material"), "the metal \"%.80s\" is not supported by name (write \"none\" for a "
+            "perfect mirror, or eta and k as <rgb>)", name);
+    if (name && m->fresnel)
+        fail(said, "<bsdf type=\"conductor\"> has \"material\" and \"eta\" or \"k\": write one or the other");
+    if (!name && !(given(said, "eta") && given(said, "k")))
+        fail(said, "<bsdf type=\"conductor\"> needs both eta and k as <rgb>, or "
+            "<string name=\"material\" value=\"none\"/> for a perfect mirror (Mitsuba's default is copper)");
+}
+static const Plugin conductor_plugin = {"conductor", conductor_fields, conductor_check};
+
+enum { conductor_has_back = 0 };
+static inline double conductor_most(const Conductor *m, int channel) { return m->specular_reflectance[channel]; }
+static inline double conductor_kept(const Conductor *m, int channel)
+{
+    return m->fresnel ? 0 : m->specular_reflectance[channel];
+}
+static inline const char *conductor_odd(const Conductor *m) { return (void)m, NULL; }
+
+#ifdef LANES
+
+#include "materials/material.h"
+
+enum { conductor_transmits = 0 };
+
+typedef struct conductor_row {
+    Num reflectance[3];
+    Num eta[3], k[3]; /* the complex index of refraction eta + i k; k < 0 stands for a perfect mirror */
+} ConductorRow;
+static inline void conductor_row(const Conductor *m, int side, ConductorRow *row)
+{
+    const double perfect[3] = {-1, -1, -1};
+    (void)side;
+    store(row->reflectance, m->specular_reflectance);
+    store(row->eta, m->eta);
+    store(row->k, m->fresnel ? m->k : perfect);
+}
+
+/* Reflectance of a conductor for unpolarised light, one channel, at cosine c to the normal: Born & Wolf,
+   Principles of Optics, 14.2, with a² + b² = |(η + i k)² - sin²θ|. */
+INLINE Real fresnel_conductor(Real c, Real eta, Real k)
+{
+    Real cc = c * c, ss = real(1) - cc;
+    Real difference = eta * eta - k * k - ss;
+    Real ab = real_sqrt(difference * difference + real(4) * eta * eta * k * k);
+    Real a = real_sqrt(real_max(real(0.5) * (ab + difference), real(0)));
+    Real s = (ab + cc - real(2) * a * c) / (ab + cc + real(2) * a * c);
+    Real p = (ab * cc + ss * ss - real(2) * a * c * ss) / (ab * cc + ss * ss + real(2) * a * c * ss);
+    return real_max(real(0.5) * s * (real(1) + p), real(0)); /* rounding can pass 0 where η is near 1 */
+}
+
+INLINE Scatter conductor_sample(
+    const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
+{
+    Scatter scatter = {mirrored(s), part->reflectance, real(0), mask_all(), real(1)};
+    (void)u;
+    if (!(f.has & HAS_FRESNEL))
+        return scatter;
+    Light eta = ROW_LIGHT(materials, part->row, Conductor, eta), k = ROW_LIGHT(materials, part->row, Conductor, k);
+    Light fresnel = light(fresnel_conductor(s->cos_o, eta.r, k.r), fresnel_conductor(s->cos_o, eta.g, k.g),
+        fresnel_conductor(s->cos_o, eta.b, k.b));
+    scatter.factor = light_mul(part->reflectance, light_select(k.r < real(0), light_all(real(1)), fresnel));
+    return scatter;
+}
+
+#endif
+#endif

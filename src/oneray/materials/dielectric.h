@@ -1,0 +1,105 @@
+/* L15 Dielectric: the smooth boundary between two media, which reflects and refracts. */
+#ifndef ONERAY_MATERIALS_DIELECTRIC_H
+#define ONERAY_MATERIALS_DIELECTRIC_H
+
+#include "fields.h"
+
+#include <math.h>
+
+typedef struct dielectric {
+    double int_ior, ext_ior; /* indices of refraction; the normal points outside */
+    double specular_reflectance[3], specular_transmittance[3];
+} Dielectric;
+
+static const Field dielectric_fields[] = {
+    {"int_ior", AS_IOR, offsetof(Dielectric, int_ior), "(0,1000]", ""},
+    {"ext_ior", AS_IOR, offsetof(Dielectric, ext_ior), "(0,1000]", ""},
+    {"specular_reflectance", AS_COLOUR, offsetof(Dielectric, specular_reflectance), "[0,1]", "1"},
+    {"specular_transmittance", AS_COLOUR, offsetof(Dielectric, specular_transmittance), "[0,1]", "1"},
+    {0},
+};
+
+static inline void dielectric_check(void *plugin, Said *said)
+{
+    (void)plugin;
+    if (!given(said, "int_ior") || !given(said, "ext_ior"))
+        fail(said, "<bsdf type=\"dielectric\"> needs both int_ior and ext_ior (as <float>, or by name)");
+}
+static const Plugin dielectric_plugin = {"dielectric", dielectric_fields, dielectric_check};
+
+/* Inside over outside. */
+static inline double dielectric_ior(const Dielectric *m) { return m->int_ior / m->ext_ior; }
+
+enum { dielectric_has_back = 1 };
+static inline double dielectric_most(const Dielectric *m, int channel)
+{
+    return fmax(m->specular_reflectance[channel], m->specular_transmittance[channel]);
+}
+/* In total reflection. */
+static inline double dielectric_kept(const Dielectric *m, int channel) { return m->specular_reflectance[channel]; }
+static inline const char *dielectric_odd(const Dielectric *m)
+{
+    return fabs(dielectric_ior(m) - 1) < 1e-3 ? "an index of refraction within 0.001 of 1" : NULL;
+}
+
+#ifdef LANES
+
+#include "materials/material.h"
+
+enum { dielectric_transmits = 1 };
+
+typedef struct dielectric_row {
+    Num reflectance[3];
+    Num transmittance[3];
+    Num ratio; /* the index of refraction on this side over that beyond */
+} DielectricRow;
+static inline void dielectric_row(const Dielectric *m, int side, DielectricRow *row)
+{
+    double ior = dielectric_ior(m);
+    store(row->reflectance, m->specular_reflectance);
+    store(row->transmittance, m->specular_transmittance);
+    row->ratio = (Num)(side ? ior : 1 / ior);
+}
+
+/* L15 The cosine beyond a boundary, from the cosine c here and the ratio of the indices, here/beyond: Snell.
+   0 in total internal reflection. 1 - ratio² (1 - c²), in a form that keeps its digits at grazing angles
+   where the indices are nearly the same. */
+INLINE Real refracted_cosine(Real c, Real ratio)
+{
+    Real rc = ratio * c;
+    return real_sqrt(real_max((real(1) - ratio) * (real(1) + ratio) + rc * rc, real(0)));
+}
+
+/* L15 Transmittance of a boundary between dielectrics for unpolarised light, exact: the mean of
+   4 η_o c η_t c_t/(η_o c + η_t c_t)² and the same with η_o and η_t exchanged in the sum; 0 in total reflection. As a
+   product, not as 1 - reflectance, it keeps its digits at grazing angles and next to total reflection. */
+INLINE Real fresnel_dielectric(Real c, Real c_t, Real ratio)
+{
+    Real rc = ratio * c, rc_t = ratio * c_t, s = rc + c_t, p = rc_t + c;
+    return only(c_t > real(0), real(2) * ((rc / s) * (c_t / s) + (c / p) * (rc_t / p)));
+}
+
+/* L15 1 minus Schlick's approximation as in the lecture, R0 + (1 - R0)(1 - c)⁵, with the cosine on the side of the
+   smaller index. Total reflection is exact. */
+INLINE Real fresnel_schlick(Real c, Real c_t, Real ratio)
+{
+    Real r = (ratio - real(1)) / (ratio + real(1)), x = real(1) - select(ratio > real(1), c_t, c);
+    Real xx = x * x;
+    return only(c_t > real(0), (real(1) - r * r) * (real(1) - xx * xx * x));
+}
+
+INLINE Scatter dielectric_sample(
+    const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
+{
+    Real ratio = ROW_REAL(materials, part->row, Dielectric, ratio), c = s->cos_o, c_t = refracted_cosine(c, ratio);
+    Real transmittance = f.use & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
+    Mask reflects = real(1) - u[0] >= transmittance;
+    Vec refracted = vec_sub(vec_scale(s->n, ratio * c - c_t), vec_scale(s->wo, ratio));
+    Light tint = ROW_LIGHT(materials, part->row, Dielectric, transmittance);
+    return (Scatter){vec_select(reflects, mirrored(s), refracted),
+        light_select(reflects, part->reflectance, tint), real(0), mask_all(),
+        select(reflects, real(1), ratio * ratio)};
+}
+
+#endif
+#endif

@@ -1,0 +1,73 @@
+/* L7 Diffuse: light goes on alike in all directions, f_r = reflectance/π (sr⁻¹), on the side of the normal. */
+#ifndef ONERAY_MATERIALS_DIFFUSE_H
+#define ONERAY_MATERIALS_DIFFUSE_H
+
+#include "fields.h"
+
+typedef struct diffuse {
+    double reflectance[3];
+} Diffuse;
+
+static const Field diffuse_fields[] = {
+    {"reflectance", AS_COLOUR, offsetof(Diffuse, reflectance), "[0,1]", ".5"},
+    {0},
+};
+static const Plugin diffuse_plugin = {"diffuse", diffuse_fields, NULL};
+
+enum { diffuse_has_back = 0 };
+static inline double diffuse_most(const Diffuse *m, int channel) { return m->reflectance[channel]; }
+static inline double diffuse_kept(const Diffuse *m, int channel) { return m->reflectance[channel]; }
+static inline const char *diffuse_odd(const Diffuse *m) { return (void)m, NULL; }
+
+#ifdef LANES
+
+#include "materials/material.h"
+
+enum { diffuse_transmits = 0 };
+
+typedef struct diffuse_row {
+    Num reflectance[3];
+} DiffuseRow;
+static inline void diffuse_row(const Diffuse *m, int side, DiffuseRow *row)
+{
+    (void)side;
+    store(row->reflectance, m->reflectance);
+}
+
+INLINE Light diffuse_eval(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine)
+{
+    (void)materials, (void)s, (void)wi, (void)cosine;
+    return light_scale(part->reflectance, REAL_INV_PI);
+}
+
+/* L8 1/2π for the uniform hemisphere, L9 cosθ/π for the cosine-weighted. */
+INLINE Real diffuse_pdf_w(
+    const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
+{
+    (void)materials, (void)part, (void)s, (void)wi;
+    return f.use & USE_COSINE ? pdf_w_hemisphere_cosine(cosine) : pdf_w_hemisphere_uniform();
+}
+
+/* L8 2 reflectance cosθ for the uniform hemisphere (reflectance/π scaled by 2π), L9 reflectance for the
+   cosine-weighted. A part of a blend has its share in the reflectance, and in the pdf. */
+INLINE Light diffuse_factor(
+    const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
+{
+    (void)materials, (void)s, (void)wi;
+    Light reflectance =
+        f.has & HAS_BLEND ? light_scale(part->reflectance, real(1) / part->share) : part->reflectance;
+    return f.use & USE_COSINE ? reflectance : light_scale(reflectance, real(2) * cosine);
+}
+
+/* L8, L9 One ray over the hemisphere. */
+INLINE Scatter diffuse_sample(
+    const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
+{
+    Vec local = f.use & USE_COSINE ? sample_hemisphere_cosine(u[0], u[1]) : sample_hemisphere_uniform(u[0], u[1]);
+    Vec wi = vec_from_frame(s->n, local);
+    return (Scatter){wi, diffuse_factor(materials, part, s, wi, local.z, f),
+        diffuse_pdf_w(materials, part, s, wi, local.z, f), mask_none(), real(1)};
+}
+
+#endif
+#endif

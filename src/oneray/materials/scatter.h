@@ -1,0 +1,164 @@
+/* What a surface does with light, whatever its material: the choice between the kinds, and L16 mixed materials. */
+#ifndef ONERAY_MATERIALS_SCATTER_H
+#define ONERAY_MATERIALS_SCATTER_H
+
+#include "kinds/materials.h"
+
+/* Bits of the materials that light goes through. */
+#define IF_TRANSMITS(NAME, name, words) | (name##_transmits ? HAS_##NAME : 0)
+#define TRANSMITTING (0 MATERIALS(IF_TRANSMITS))
+
+/* In a scene of diffuse surfaces alone nothing is looked up; black is one of no reflectance. */
+#define ONLY_DIFFUSE(f) (((f).has & HAS_ANY(MATERIALS)) == HAS_DIFFUSE)
+
+INLINE Index kind_of_row(const Materials *materials, Index row, Features f)
+{
+    return ONLY_DIFFUSE(f) ? index_of(MATERIAL_DIFFUSE) : gather_index(materials->kind, row);
+}
+
+INLINE Mask is_delta(Index kind, Features f)
+{
+    Mask delta = mask_none();
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME)                                                                                  \
+        delta |= kind == index_of(MATERIAL_##NAME);
+    DELTA_MATERIALS(X)
+#undef X
+    return delta;
+}
+
+/* The numbers of the surface's first row, s->row. */
+INLINE void find_material(const Materials *materials, Surface *s, Features f)
+{
+    s->kind = kind_of_row(materials, s->row, f);
+    s->reflectance = light_gather(materials->numbers, s->row * materials->stride);
+    s->share = f.has & HAS_BLEND ? gather(materials->chance, s->row) : real(1);
+    s->delta = is_delta(s->kind, f);
+}
+
+/* What a material that is no delta makes of light from one direction. */
+typedef struct {
+    Light f_r;    /* the BSDF, sr⁻¹ */
+    Real pdf_w;   /* of sample_material's taking this direction, sr⁻¹ */
+    Light factor; /* f_r cosθ / pdf_w */
+} Evaluation;
+
+INLINE Evaluation evaluate_part(
+    const Materials *materials, const Part *part, Index kind, const Surface *s, Vec wi, Real cosine, Features f)
+{
+    Evaluation out = {light_all(real(0)), real(0), light_all(real(0))};
+    int alone = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS));
+    (void)kind;
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME) {                                                                                \
+        Evaluation one = {name##_eval(materials, part, s, wi, cosine),                                       \
+            name##_pdf_w(materials, part, s, wi, cosine, f), name##_factor(materials, part, s, wi, cosine, f)}; \
+        Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
+        out = alone                                                                                          \
+                  ? one                                                                                      \
+                  : (Evaluation){light_select(is, one.f_r, out.f_r), select(is, one.pdf_w, out.pdf_w),       \
+                        light_select(is, one.factor, out.factor)};                                           \
+    }
+    FINITE_MATERIALS(X)
+#undef X
+    if (f.has & HAS_BLEND)
+        out.pdf_w = out.pdf_w * part->share;
+    return out;
+}
+
+/* A row beyond the first. */
+INLINE Part part_of_row(const Materials *materials, const Surface *s, Index row, Features f)
+{
+    Real share = f.has & HAS_PARTS ? gather(materials->share, row) : s->share;
+    return (Part){row, light_gather(materials->numbers, row * materials->stride), share};
+}
+
+/* L16 Takes the parts of mixed materials that are no delta together: Σ f_r, Σ share pdf_w. */
+INLINE void evaluate_other_parts(
+    const Materials *materials, const Surface *s, Vec wi, Real cosine, Evaluation *sum, Features f)
+{
+    Index row = s->row;
+    Real chance = s->share;
+    for (int layer = 1; layer < materials->layers; layer++) {
+        Mask more = chance < real(1);
+        if (!any(more))
+            break;
+        row = index_select(more, gather_index(materials->next, row), row);
+        chance = select(more, gather(materials->chance, row), real(2));
+        Index kind = kind_of_row(materials, row, f);
+        Part part = part_of_row(materials, s, row, f);
+        Evaluation one = evaluate_part(materials, &part, kind, s, wi, cosine, f);
+        more = and_not(more, is_delta(kind, f));
+        sum->f_r = light_add(sum->f_r, light_only(more, one.f_r));
+        sum->pdf_w = sum->pdf_w + only(more, one.pdf_w);
+    }
+    sum->factor = light_scale(sum->f_r, cosine / sum->pdf_w);
+}
+
+/* The surface's material and light from wi, whose cosine to s->n this is. For surfaces that are no delta. */
+INLINE Evaluation evaluate_material(const Materials *materials, const Surface *s, Vec wi, Real cosine, Features f)
+{
+    Part first = {s->row, s->reflectance, s->share};
+    Evaluation all = evaluate_part(materials, &first, s->kind, s, wi, cosine, f);
+    if (f.has & HAS_PARTS)
+        evaluate_other_parts(materials, s, wi, cosine, &all, f);
+    return all;
+}
+
+/* L16 A mixed material: one of its parts, each with its share, "diffuse = 1 - (refl + refr)". Parts that are no
+   delta come first, so that light sampling finds them. */
+INLINE Index choose_part(const Materials *materials, const Surface *s, Real u)
+{
+    Index row = s->row;
+    Real chance = s->share;
+    for (int layer = 1; layer < materials->layers; layer++) {
+        Mask on = u >= chance;
+        if (!any(on))
+            break;
+        u = select(on, (u - chance) / (real(1) - chance), u);
+        row = index_select(on, gather_index(materials->next, row), row);
+        chance = select(on, gather(materials->chance, row), real(2));
+    }
+    return row;
+}
+
+INLINE Scatter scatter_select(Mask m, Scatter a, Scatter b, Features f)
+{
+    Real compression = f.has & TRANSMITTING ? select(m, a.compression, b.compression) : b.compression;
+    return (Scatter){vec_select(m, a.wi, b.wi), light_select(m, a.factor, b.factor),
+        select(m, a.pdf_w, b.pdf_w), index_select(m, a.delta, b.delta), compression};
+}
+
+/* One direction by the material; `which` chooses the part of a mixed one. */
+STAGE Scatter sample_material(
+    const Materials *materials, const Surface *s, Real which, const Real u[2], Features f)
+{
+    Part part = {s->row, s->reflectance, s->share};
+    Index kind = s->kind;
+    if (f.has & HAS_BLEND) {
+        part = part_of_row(materials, s, choose_part(materials, s, which), f);
+        kind = kind_of_row(materials, part.row, f);
+    }
+    int alone = ONLY_DIFFUSE(f);
+    Scatter out = {s->n, light_all(real(0)), real(0), s->delta, real(1)};
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME) {                                                                                \
+        Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
+        if (alone)                                                                                           \
+            out = name##_sample(materials, &part, s, u, f);                                                  \
+        else if (any(is))                                                                                    \
+            out = scatter_select(is, name##_sample(materials, &part, s, u, f), out, f);                      \
+    }
+    MATERIALS(X)
+#undef X
+    if (f.has & HAS_BLEND)
+        out.pdf_w = out.pdf_w * part.share;
+    if (f.has & HAS_PARTS) {
+        Evaluation all = evaluate_material(materials, s, out.wi, vec_dot(s->n, out.wi), f);
+        out.factor = light_select(out.delta, out.factor, all.factor);
+        out.pdf_w = select(out.delta, out.pdf_w, all.pdf_w);
+    }
+    return out;
+}
+
+#endif

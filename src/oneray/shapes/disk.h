@@ -1,0 +1,48 @@
+/* The disk x² + y² ≤ 1 at z = 0, with normal +z. */
+#ifndef ONERAY_SHAPES_DISK_H
+#define ONERAY_SHAPES_DISK_H
+
+#include "shapes/placed.h"
+
+typedef struct disk {
+    Placed placed;
+} Disk;
+
+static const Plugin disk_plugin = {"disk", placed_fields, NULL};
+
+enum { disk_planes = 1 };
+static inline int disk_sides(const Disk *s) { return (void)s, 1; }
+static inline Side disk_side(const Disk *s, int k)
+{
+    (void)k;
+    Side side = placed_side(&s->placed, 2, 0);
+    side.area = PI * side.across;
+    return side;
+}
+static inline Size disk_size(const Disk *s) { return placed_size(&s->placed, true); }
+static inline void disk_bounds(const Disk *s, double low[3], double high[3])
+{
+    placed_bounds(&s->placed, true, low, high);
+}
+
+#ifdef LANES
+
+#include "shapes/shape.h"
+
+typedef struct disk_row {
+    Local to_unit;
+} DiskRow;
+static inline void disk_row(const Disk *s, DiskRow *row) { row->to_unit = local_of(&s->placed.to_world); }
+
+INLINE Crossing disk_cross(const Shapes *shapes, int i, const Ray *ray, Mask *within)
+{
+    Crossing c = flat_crossing(&ROWS(shapes, DISK, Disk)[i].to_unit, ray);
+    *within = c.x * c.x + c.y * c.y <= c.den * c.den;
+    return c;
+}
+
+/* A point of the unit disk, uniform by area. */
+INLINE void disk_sample(Real u, Real v, Real *x, Real *y) { sample_disk(u, v, x, y); }
+
+#endif
+#endif

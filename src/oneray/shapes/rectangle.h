@@ -1,0 +1,42 @@
+/* The rectangle [-1,1]² at z = 0, with normal +z. */
+#ifndef ONERAY_SHAPES_RECTANGLE_H
+#define ONERAY_SHAPES_RECTANGLE_H
+
+#include "shapes/placed.h"
+
+typedef struct rectangle {
+    Placed placed;
+} Rectangle;
+
+static const Plugin rectangle_plugin = {"rectangle", placed_fields, NULL};
+
+enum { rectangle_planes = 1 };
+static inline int rectangle_sides(const Rectangle *s) { return (void)s, 1; }
+static inline Side rectangle_side(const Rectangle *s, int k) { return (void)k, placed_side(&s->placed, 2, 0); }
+static inline Size rectangle_size(const Rectangle *s) { return placed_size(&s->placed, true); }
+static inline void rectangle_bounds(const Rectangle *s, double low[3], double high[3])
+{
+    placed_bounds(&s->placed, true, low, high);
+}
+
+#ifdef LANES
+
+#include "shapes/shape.h"
+
+typedef struct rectangle_row {
+    Local to_unit;
+} RectangleRow;
+static inline void rectangle_row(const Rectangle *s, RectangleRow *row) { row->to_unit = local_of(&s->placed.to_world); }
+
+INLINE Crossing rectangle_cross(const Shapes *shapes, int i, const Ray *ray, Mask *within)
+{
+    Crossing c = flat_crossing(&ROWS(shapes, RECTANGLE, Rectangle)[i].to_unit, ray);
+    *within = (real_abs(c.x) <= c.den) & (real_abs(c.y) <= c.den);
+    return c;
+}
+
+/* A point of the square [-1,1]², uniform by area. */
+INLINE void rectangle_sample(Real u, Real v, Real *x, Real *y) { sample_square(u, v, x, y); }
+
+#endif
+#endif
