@@ -68,12 +68,13 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all install wheel demo test references thorough techniques report stability benchmark calibrate fuzz fuzzers clean FORCE
+.PHONY: all kinds install wheel demo test references thorough techniques report stability benchmark calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
 	$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
 
+kinds: $(KIND_HEADERS)
 $(BUILD)/kinds/%.h: $(SOURCE_HEADERS) Makefile
 	@mkdir -p $(@D)
 	@list=$$(echo $* | tr a-z A-Z); \

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from building import ROOT
+from building import ROOT, build
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
@@ -57,13 +57,17 @@ SCENE = """<scene version="3.0.0">
 class Driver:
     """sampling.c, compiled for one precision and number of lanes."""
 
-    def __init__(
-        self, folder: Path, precision: str = "double", lanes: int = 1, source: Path = SOURCES
-    ) -> None:
+    def __init__(self, folder: Path, precision: str = "double", lanes: int = 1) -> None:
         self.folder = folder
         target = folder / f"sampling_{precision}_{lanes}.so"
-        scene_files = [path for path in sorted(source.rglob("*.c")) if path.stem not in PROGRAM]
-        settings = [f"-DLANES={lanes}", *(["-DSINGLE"] if precision == "single" else []), f"-I{source}"]
+        scene_files = [path for path in sorted(SOURCES.rglob("*.c")) if path.stem not in PROGRAM]
+        settings = [
+            f"-DLANES={lanes}",
+            *(["-DSINGLE"] if precision == "single" else []),
+            f"-I{SOURCES}",
+            f"-I{folder}",
+        ]
+        build(folder, goal="kinds")
         command = [
             "cc",
             *FLAGS,
