@@ -6,7 +6,7 @@
 
    A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
    what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
-   ask of it (scene/description.c). What follows #ifdef LANES is the kernels'. */
+   ask of it (traits.h). What follows #ifdef LANES is the kernels'. */
 #ifndef ONERAY_KINDS_H
 #define ONERAY_KINDS_H
 

@@ -411,10 +411,10 @@ static void check_light_paths(const Options *options, const Description *scene)
 static const Material *absorbs_nothing(const Description *scene)
 {
     for (int i = 0; i < scene->material_count; i++) {
-        const Material *m = &scene->materials[i];
-        for (int c = 0; c < 3; c++)
-            if (material_kept(m, c) >= 1)
-                return m;
+        MaterialTraits traits = material_traits(&scene->materials[i]);
+        for (int c = 0; c < 3 && traits.reflected; c++)
+            if (traits.reflected[c] >= 1 && !traits.absorbs)
+                return &scene->materials[i];
     }
     return NULL;
 }
@@ -432,7 +432,7 @@ void options_check(const Options *options, const Description *scene)
         const Emitter *light = &scene->emitters[i];
         if (!emitter_has_power(light))
             warn("%s:%d: this light has no power and is left out", options->scene, light->line);
-        LightFrom from = emitter_from(light->kind);
+        LightFrom from = emitter_traits(light).from;
         if (options->technique.estimator == ESTIMATOR_WALK && (from == FROM_POINT || from == FROM_AFAR))
             die_at(options->scene, light->line,
                 "--estimator walk: no random ray hits a %s, its light would be "

@@ -2,7 +2,9 @@
 #ifndef ONERAY_EMITTERS_AREA_H
 #define ONERAY_EMITTERS_AREA_H
 
-#include "emitters/from.h"
+#include "fields.h"
+#include "traits.h"
+#include "vectors.h"
 
 typedef struct area {
     double radiance[3]; /* W·sr⁻¹·m⁻² */
@@ -14,11 +16,10 @@ static const Field area_fields[] = {
 };
 static const Plugin area_plugin = {"area", area_fields, NULL};
 
-enum { area_from = FROM_SHAPE };
-static inline const double *area_emission(const Area *e) { return e->radiance; }
-static inline const double *area_position(const Area *e) { return (void)e, NULL; }
-static inline double area_flux(const Area *e, double area, double radius) { return (void)e, (void)radius, PI * area; }
-static inline const char *area_odd(const Area *e) { return (void)e, NULL; }
+static inline EmitterTraits area_traits(const Area *e)
+{
+    return (EmitterTraits){FROM_SHAPE, e->radiance, NULL, PI, NULL};
+}
 
 #ifdef LANES
 

@@ -2,7 +2,9 @@
 #ifndef ONERAY_EMITTERS_CONSTANT_H
 #define ONERAY_EMITTERS_CONSTANT_H
 
-#include "emitters/from.h"
+#include "fields.h"
+#include "traits.h"
+#include "vectors.h"
 
 typedef struct constant {
     double radiance[3]; /* W·sr⁻¹·m⁻² */
@@ -14,14 +16,10 @@ static const Field constant_fields[] = {
 };
 static const Plugin constant_plugin = {"constant", constant_fields, NULL};
 
-enum { constant_from = FROM_AROUND };
-static inline const double *constant_emission(const Constant *e) { return e->radiance; }
-static inline const double *constant_position(const Constant *e) { return (void)e, NULL; }
-static inline double constant_flux(const Constant *e, double area, double radius)
+static inline EmitterTraits constant_traits(const Constant *e)
 {
-    return (void)e, (void)area, 4 * PI * PI * radius * radius;
+    return (EmitterTraits){FROM_AROUND, e->radiance, NULL, 4 * PI * PI, NULL};
 }
-static inline const char *constant_odd(const Constant *e) { return (void)e, NULL; }
 
 #ifdef LANES
 

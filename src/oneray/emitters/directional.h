@@ -2,7 +2,9 @@
 #ifndef ONERAY_EMITTERS_DIRECTIONAL_H
 #define ONERAY_EMITTERS_DIRECTIONAL_H
 
-#include "emitters/from.h"
+#include "fields.h"
+#include "traits.h"
+#include "vectors.h"
 
 typedef struct directional {
     double direction[3];  /* along which the light travels; unit, once it is checked */
@@ -34,14 +36,10 @@ static inline void directional_check(void *plugin, Said *said)
 }
 static const Plugin directional_plugin = {"directional", directional_fields, directional_check};
 
-enum { directional_from = FROM_AFAR };
-static inline const double *directional_emission(const Directional *e) { return e->irradiance; }
-static inline const double *directional_position(const Directional *e) { return (void)e, NULL; }
-static inline double directional_flux(const Directional *e, double area, double radius)
+static inline EmitterTraits directional_traits(const Directional *e)
 {
-    return (void)e, (void)area, PI * radius * radius;
+    return (EmitterTraits){FROM_AFAR, e->irradiance, NULL, PI, NULL};
 }
-static inline const char *directional_odd(const Directional *e) { return (void)e, NULL; }
 
 #ifdef LANES
 

@@ -14,7 +14,7 @@
 #ifndef ONERAY_EMITTERS_EMITTER_H
 #define ONERAY_EMITTERS_EMITTER_H
 
-#include "emitters/from.h"
+#include "traits.h"
 #include "lanes/light.h"
 #include "shapes/meet.h"
 

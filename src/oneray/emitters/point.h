@@ -2,7 +2,9 @@
 #ifndef ONERAY_EMITTERS_POINT_H
 #define ONERAY_EMITTERS_POINT_H
 
-#include "emitters/from.h"
+#include "fields.h"
+#include "traits.h"
+#include "vectors.h"
 
 typedef struct point {
     double position[3];
@@ -27,14 +29,10 @@ static inline void point_check(void *plugin, Said *said)
 }
 static const Plugin point_plugin = {"point", point_fields, point_check};
 
-enum { point_from = FROM_POINT };
-static inline const double *point_emission(const Point *e) { return e->intensity; }
-static inline const double *point_position(const Point *e) { return e->position; }
-static inline double point_flux(const Point *e, double area, double radius)
+static inline EmitterTraits point_traits(const Point *e)
 {
-    return (void)e, (void)area, (void)radius, 4 * PI;
+    return (EmitterTraits){FROM_POINT, e->intensity, e->position, 4 * PI, NULL};
 }
-static inline const char *point_odd(const Point *e) { return (void)e, NULL; }
 
 #ifdef LANES
 

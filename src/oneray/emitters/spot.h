@@ -3,7 +3,9 @@
 #ifndef ONERAY_EMITTERS_SPOT_H
 #define ONERAY_EMITTERS_SPOT_H
 
-#include "emitters/from.h"
+#include "fields.h"
+#include "traits.h"
+#include "vectors.h"
 
 typedef struct spot {
     Affine to_world;
@@ -37,18 +39,13 @@ static inline void spot_check(void *plugin, Said *said)
 }
 static const Plugin spot_plugin = {"spot", spot_fields, spot_check};
 
-enum { spot_from = FROM_POINT };
-static inline const double *spot_emission(const Spot *e) { return e->intensity; }
-static inline const double *spot_position(const Spot *e) { return e->position; }
-/* Of the cone up to the middle of its rim. */
-static inline double spot_flux(const Spot *e, double area, double radius)
+/* The flux is that of the cone up to the middle of its rim. */
+static inline EmitterTraits spot_traits(const Spot *e)
 {
-    return (void)area, (void)radius, 2 * PI * (1 - cos((e->cutoff_angle + e->beam_width) / 2));
-}
-static inline const char *spot_odd(const Spot *e)
-{
+    double flux = 2 * PI * (1 - cos((e->cutoff_angle + e->beam_width) / 2));
     bool sharp = e->cutoff_angle < 1e-3 || e->cutoff_angle - e->beam_width < 1e-3 * e->cutoff_angle;
-    return sharp ? "a spot with a cone or rim of less than 0.001" : NULL;
+    return (EmitterTraits){FROM_POINT, e->intensity, e->position, flux,
+        sharp ? "a spot with a cone or rim of less than 0.001" : NULL};
 }
 
 #ifdef LANES

@@ -3,6 +3,7 @@
 #define ONERAY_MATERIALS_CONDUCTOR_H
 
 #include "fields.h"
+#include "traits.h"
 
 typedef struct conductor {
     double specular_reflectance[3];
@@ -36,13 +37,10 @@ static inline void conductor_check(void *plugin, Said *said)
 }
 static const Plugin conductor_plugin = {"conductor", conductor_fields, conductor_check};
 
-enum { conductor_has_back = 0 };
-static inline double conductor_most(const Conductor *m, int channel) { return m->specular_reflectance[channel]; }
-static inline double conductor_kept(const Conductor *m, int channel)
+static inline MaterialTraits conductor_traits(const Conductor *m)
 {
-    return m->fresnel ? 0 : m->specular_reflectance[channel];
+    return (MaterialTraits){m->specular_reflectance, NULL, m->fresnel, NULL};
 }
-static inline const char *conductor_odd(const Conductor *m) { return (void)m, NULL; }
 
 #ifdef LANES
 

@@ -3,6 +3,7 @@
 #define ONERAY_MATERIALS_DIELECTRIC_H
 
 #include "fields.h"
+#include "traits.h"
 
 #include <math.h>
 
@@ -30,16 +31,10 @@ static const Plugin dielectric_plugin = {"dielectric", dielectric_fields, dielec
 /* Inside over outside. */
 static inline double dielectric_ior(const Dielectric *m) { return m->int_ior / m->ext_ior; }
 
-enum { dielectric_has_back = 1 };
-static inline double dielectric_most(const Dielectric *m, int channel)
+static inline MaterialTraits dielectric_traits(const Dielectric *m)
 {
-    return fmax(m->specular_reflectance[channel], m->specular_transmittance[channel]);
-}
-/* In total reflection. */
-static inline double dielectric_kept(const Dielectric *m, int channel) { return m->specular_reflectance[channel]; }
-static inline const char *dielectric_odd(const Dielectric *m)
-{
-    return fabs(dielectric_ior(m) - 1) < 1e-3 ? "an index of refraction within 0.001 of 1" : NULL;
+    const char *odd = fabs(dielectric_ior(m) - 1) < 1e-3 ? "an index of refraction within 0.001 of 1" : NULL;
+    return (MaterialTraits){m->specular_reflectance, m->specular_transmittance, false, odd};
 }
 
 #ifdef LANES

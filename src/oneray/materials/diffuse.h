@@ -3,6 +3,7 @@
 #define ONERAY_MATERIALS_DIFFUSE_H
 
 #include "fields.h"
+#include "traits.h"
 
 typedef struct diffuse {
     double reflectance[3];
@@ -14,10 +15,10 @@ static const Field diffuse_fields[] = {
 };
 static const Plugin diffuse_plugin = {"diffuse", diffuse_fields, NULL};
 
-enum { diffuse_has_back = 0 };
-static inline double diffuse_most(const Diffuse *m, int channel) { return m->reflectance[channel]; }
-static inline double diffuse_kept(const Diffuse *m, int channel) { return m->reflectance[channel]; }
-static inline const char *diffuse_odd(const Diffuse *m) { return (void)m, NULL; }
+static inline MaterialTraits diffuse_traits(const Diffuse *m)
+{
+    return (MaterialTraits){m->reflectance, NULL, false, NULL};
+}
 
 #ifdef LANES
 

@@ -21,8 +21,8 @@
 /* A row for each side of each slot, so that twosided, flip_normals and a one-sided material's black back are a matter
    of tables: row 2 slot is the front (along the normal), 2 slot + 1 the back. A blend goes on in rows beyond those. */
 typedef struct {
-    Num *numbers; /* by row `stride` of them: the NameRow of its kind */
-    Int stride;
+    Num *numbers; /* by row 2^shift of them: the NameRow of its kind */
+    int shift;
     Int *kind;   /* MaterialKind; a row of zeros is black, and diffuse */
     Num *chance; /* blend: that it is this row's material, none of those before it being it, … */
     Int *next;   /* … else the row to go on with */
@@ -33,9 +33,9 @@ typedef struct {
 /* A row's numbers: ROW_LIGHT(materials, row, Conductor, eta), ROW_REAL(…). */
 #define ROW_AT(Name, member) (offsetof(Name##Row, member) / sizeof(Num))
 #define ROW_LIGHT(materials, row, Name, member)                                                              \
-    light_gather((materials)->numbers + ROW_AT(Name, member), (row) * (materials)->stride)
+    light_gather((materials)->numbers + ROW_AT(Name, member), (row) << (materials)->shift)
 #define ROW_REAL(materials, row, Name, member)                                                               \
-    gather((materials)->numbers + ROW_AT(Name, member), (row) * (materials)->stride)
+    gather((materials)->numbers + ROW_AT(Name, member), (row) << (materials)->shift)
 
 /* A surface point as its material sees it. */
 typedef struct {

@@ -8,17 +8,23 @@
 #define IF_TRANSMITS(NAME, name, words) | (name##_transmits ? HAS_##NAME : 0)
 #define TRANSMITTING (0 MATERIALS(IF_TRANSMITS))
 
-/* In a scene of diffuse surfaces alone nothing is looked up; black is one of no reflectance. */
-#define ONLY_DIFFUSE(f) (((f).has & HAS_ANY(MATERIALS)) == HAS_DIFFUSE)
+/* Where there is one kind of material and nothing goes through it, no kind is looked up: a path ends at what is black,
+   before it is asked of its kind. */
+INLINE int one_material(Features f)
+{
+    return IS_ONE(f.has & HAS_ANY(MATERIALS)) && !(f.has & (TRANSMITTING | HAS_BLEND));
+}
 
 INLINE Index kind_of_row(const Materials *materials, Index row, Features f)
 {
-    return ONLY_DIFFUSE(f) ? index_of(MATERIAL_DIFFUSE) : gather_index(materials->kind, row);
+    return one_material(f) ? index_of(0) : gather_index(materials->kind, row);
 }
 
 INLINE Mask is_delta(Index kind, Features f)
 {
     Mask delta = mask_none();
+    if (one_material(f))
+        return f.has & HAS_ANY(DELTA_MATERIALS) ? mask_all() : delta;
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME)                                                                                  \
         delta |= kind == index_of(MATERIAL_##NAME);
@@ -31,7 +37,7 @@ INLINE Mask is_delta(Index kind, Features f)
 INLINE void find_material(const Materials *materials, Surface *s, Features f)
 {
     s->kind = kind_of_row(materials, s->row, f);
-    s->reflectance = light_gather(materials->numbers, s->row * materials->stride);
+    s->reflectance = light_gather(materials->numbers, s->row << materials->shift);
     s->share = f.has & HAS_BLEND ? gather(materials->chance, s->row) : real(1);
     s->delta = is_delta(s->kind, f);
 }
@@ -40,7 +46,7 @@ INLINE void find_material(const Materials *materials, Surface *s, Features f)
 typedef struct {
     Light f_r;    /* the BSDF, sr⁻¹ */
     Real pdf_w;   /* of sample_material's taking this direction, sr⁻¹ */
-    Light factor; /* f_r cosθ / pdf_w */
+    Light factor; /* f_r cosθ / pdf_w, if the technique or a blend asks for it */
 } Evaluation;
 
 INLINE Evaluation evaluate_part(
@@ -52,7 +58,9 @@ INLINE Evaluation evaluate_part(
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Evaluation one = {name##_eval(materials, part, s, wi, cosine),                                       \
-            name##_pdf_w(materials, part, s, wi, cosine, f), name##_factor(materials, part, s, wi, cosine, f)}; \
+            name##_pdf_w(materials, part, s, wi, cosine, f), light_all(real(0))};                            \
+        if (f.use & USE_SURVIVAL_PDF)                                                                        \
+            one.factor = name##_factor(materials, part, s, wi, cosine, f);                                   \
         Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
         out = alone                                                                                          \
                   ? one                                                                                      \
@@ -70,7 +78,7 @@ INLINE Evaluation evaluate_part(
 INLINE Part part_of_row(const Materials *materials, const Surface *s, Index row, Features f)
 {
     Real share = f.has & HAS_PARTS ? gather(materials->share, row) : s->share;
-    return (Part){row, light_gather(materials->numbers, row * materials->stride), share};
+    return (Part){row, light_gather(materials->numbers, row << materials->shift), share};
 }
 
 /* L16 Takes the parts of mixed materials that are no delta together: Σ f_r, Σ share pdf_w. */
@@ -139,7 +147,7 @@ STAGE Scatter sample_material(
         part = part_of_row(materials, s, choose_part(materials, s, which), f);
         kind = kind_of_row(materials, part.row, f);
     }
-    int alone = ONLY_DIFFUSE(f);
+    int alone = one_material(f);
     Scatter out = {s->n, light_all(real(0)), real(0), s->delta, real(1)};
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \

@@ -1,4 +1,4 @@
-/* What all of prepare_*.h use: room that lives as long as the scene, and vectors of doubles. */
+/* What all of prepare/ uses: room that lives as long as the scene. */
 #ifndef ONERAY_PREPARE_BASE_H
 #define ONERAY_PREPARE_BASE_H
 

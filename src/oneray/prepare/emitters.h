@@ -28,7 +28,7 @@ static int sites_of(const Description *d, const Emitter *light)
 /* The mean of the channels. */
 static double mean_emission(const Emitter *light)
 {
-    const double *emission = emitter_emission(light);
+    const double *emission = emitter_traits(light).emission;
     return (emission[0] + emission[1] + emission[2]) / 3;
 }
 
@@ -36,8 +36,13 @@ static double mean_emission(const Emitter *light)
    the choice by power goes by. */
 static double power_of(const Description *d, const Emitter *light, int side, double r, double largest_mean)
 {
-    double area = light->shape < 0 ? 0 : shape_side(&d->shapes[light->shape], side).area;
-    return emitter_flux(light, area, r) * (mean_emission(light) / largest_mean);
+    EmitterTraits traits = emitter_traits(light);
+    double mean = mean_emission(light) / largest_mean;
+    switch (traits.from) {
+    case FROM_SHAPE: return traits.flux * shape_side(&d->shapes[light->shape], side).area * mean;
+    case FROM_POINT: return traits.flux * mean;
+    default: return traits.flux * r * r * mean;
+    }
 }
 
 /* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is light i up to alias_share[i],
@@ -87,7 +92,7 @@ static void prepare_triangle_site(
     store(emitters->normal[i], side.normal);
     if (k > 0)
         return;
-    store(emitters->slot_emission[row], emitter_emission(light));
+    store(emitters->slot_emission[row], emitter_traits(light).emission);
     emitters->slot_light[row] = i - slot;
 }
 
@@ -122,7 +127,7 @@ static void prepare_site(Scene *scene, const Description *d, const Emitter *ligh
         memcpy(emitters->normal[i], scene->shapes.anchor[slot], sizeof emitters->normal[i]);
     if (panel && fabs(dot(side.x, side.y)) <= 1e-12 * length(side.x) * length(side.y))
         prepare_panel(emitters->panel[i], length(side.x), length(side.y));
-    store(emitters->slot_emission[slot], emitter_emission(light));
+    store(emitters->slot_emission[slot], emitter_traits(light).emission);
     emitters->slot_light[slot] = i;
 }
 
@@ -141,7 +146,7 @@ static void prepare_free(Emitters *emitters, const Emitter *light, int i)
 #undef X
     default: break;
     }
-    if (emitter_from(light->kind) == FROM_AROUND)
+    if (emitter_traits(light).from == FROM_AROUND)
         emitters->sky = i;
 }
 
@@ -201,7 +206,7 @@ static void prepare_emitters(
     for (int i = 0, site = 0; i < d->emitter_count; i++)
         for (int k = 0; k < sites_of(d, &d->emitters[i]); k++, site++) {
             const Emitter *light = &d->emitters[i];
-            store(emitters->emission[site], emitter_emission(light));
+            store(emitters->emission[site], emitter_traits(light).emission);
             power[site] = power_of(d, light, k, radius, largest_mean);
             if (light->kind == EMITTER_AREA && d->shapes[light->shape].kind == SHAPE_MESH)
                 prepare_triangle_site(scene, d, light, site, k, first_slot[light->shape]);

@@ -5,16 +5,19 @@
 
 #include "prepare/shapes.h"
 
-/* The largest row of any kind of material in the mask, in numbers, and room for what light_gather reads beyond. */
-static Int row_stride(Features f)
+/* Room for the largest row of any kind of material in the mask, as a power of two of numbers. */
+static int row_shift(Features f)
 {
     size_t most = 4;
+    int shift = 0;
 #define X(NAME, name, words)                                                                                 \
     if ((f.has & HAS_##NAME) && most < sizeof(struct name##_row) / sizeof(Num))                              \
         most = sizeof(struct name##_row) / sizeof(Num);
     MATERIALS(X)
 #undef X
-    return (Int)most;
+    while ((size_t)1 << shift < most)
+        shift++;
+    return shift;
 }
 
 /* A part of a blend: a material that is no blend, or MATERIAL_NONE, and its share of the whole. */
@@ -87,7 +90,7 @@ static int sort_parts(const Description *d, Share *parts, int count, double albe
 /* The numbers of one material; side 1 is the inside. One that is no delta has its share in the reflectance. */
 static void set_row(Materials *m, const Description *d, int row, Share part, const double albedo[3], int side)
 {
-    Num *numbers = m->numbers + row * m->stride;
+    Num *numbers = m->numbers + ((size_t)row << m->shift);
     const Material *material = part.material == MATERIAL_NONE ? NULL : &d->materials[part.material];
     if (!material) {
         store(numbers, albedo);
@@ -154,8 +157,8 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
         for (int side = 0; side < 2; side++)
             rows += (size_t)slots_of(d->shapes[i].kind)
                     * (size_t)parts_of(d, side ? d->shapes[i].back : d->shapes[i].front, 1, NULL);
-    m->stride = row_stride(scene->features);
-    m->numbers = keep(scene, rows, (size_t)m->stride * sizeof *m->numbers);
+    m->shift = row_shift(scene->features);
+    m->numbers = keep(scene, rows, ((size_t)1 << m->shift) * sizeof *m->numbers);
     m->kind = keep(scene, rows, sizeof *m->kind);
     if (scene->features.has & HAS_BLEND) {
         m->chance = keep(scene, rows, sizeof *m->chance);

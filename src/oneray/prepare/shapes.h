@@ -115,24 +115,24 @@ static void see_side(Sides *sides, const double normal[3], double offset, const 
 }
 
 /* Is everything that a ray to a light can start or end at on one side of the flat shape's plane? */
-static bool at_the_edge(const Description *d, const Shape *flat, double (*bounds)[2][3])
+static bool at_the_edge(const Description *d, const Shape *flat, const Extent *bounds)
 {
     Sides sides = {false, false};
-    double normal[3], offset, eye[3];
+    double normal[3], offset;
+    SensorTraits sensor = sensor_traits(&d->sensor);
     plane_of(flat, 0, normal, &offset);
     for (int i = 0; i < d->shape_count; i++)
         if (&d->shapes[i] != flat)
-            see_side(&sides, normal, offset, bounds[i][0], bounds[i][1]);
+            see_side(&sides, normal, offset, bounds[i].low, bounds[i].high);
     for (int i = 0; i < d->emitter_count; i++) {
         const Emitter *light = &d->emitters[i];
-        const double *position = emitter_position(light);
-        if (emitter_from(light->kind) == FROM_AFAR || emitter_from(light->kind) == FROM_AROUND)
+        EmitterTraits traits = emitter_traits(light);
+        if (traits.from == FROM_AFAR || traits.from == FROM_AROUND)
             return false;
-        if (position)
-            see_side(&sides, normal, offset, position, position);
+        if (traits.position)
+            see_side(&sides, normal, offset, traits.position, traits.position);
     }
-    sensor_origin(&d->sensor, eye);
-    see_side(&sides, normal, offset, eye, eye);
+    see_side(&sides, normal, offset, sensor.origin, sensor.origin);
     return !(sides.below && sides.above);
 }
 
@@ -152,9 +152,9 @@ static void place_shapes(Scene *scene, const Description *d, int *first_slot)
         of_kind[kind] = (Filling){0, s->count[kind]};
     for (int axis = 0; axis < 3; axis++)
         of_axis[axis] = (Filling){s->along[axis], s->along[axis + 1]};
-    double(*bounds)[2][3] = allocate((size_t)d->shape_count, sizeof *bounds);
+    Extent *bounds = allocate((size_t)d->shape_count, sizeof *bounds);
     for (int i = 0; i < d->shape_count; i++)
-        shape_bounds(&d->shapes[i], bounds[i][0], bounds[i][1]);
+        bounds[i] = shape_extent(&d->shapes[i]);
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         ShapeKind kind = kind_in_kernel(shape);

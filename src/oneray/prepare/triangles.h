@@ -184,12 +184,11 @@ static void prepare_shape_tree(Scene *scene, const Description *d, const int *fi
     Bounds *bounds = allocate((size_t)d->shape_count, sizeof *bounds);
     Bounds *of_leaf = allocate((size_t)most, sizeof *of_leaf);
     for (int i = 0; i < d->shape_count; i++) {
-        double low[3], high[3];
         if (d->shapes[i].kind == SHAPE_MESH)
             continue;
-        shape_bounds(&d->shapes[i], low, high);
-        store(bounds[i].low, low);
-        store(bounds[i].high, high);
+        Extent extent = shape_extent(&d->shapes[i]);
+        store(bounds[i].low, extent.low);
+        store(bounds[i].high, extent.high);
         bounds_join(&all, bounds[i].low, bounds[i].high);
     }
     for (int i = 0; i < d->shape_count; i++)

@@ -99,9 +99,6 @@ static const Plugin *const bsdfs[] = {
 #undef X
     [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin,
 };
-#define X(NAME, name, words) [MATERIAL_##NAME] = name##_has_back,
-static const bool has_back[] = {MATERIALS(X)};
-#undef X
 
 static int add_material(Description *d, Material material)
 {
@@ -167,7 +164,7 @@ static void read_material(Builder *builder, Node *node)
     } else {
         read_plugin(builder, node, bsdfs[kind], "", &material.as);
         node->front = add_material(builder->description, material);
-        node->back = has_back[kind] ? node->front : MATERIAL_NONE;
+        node->back = material_traits(&material).transmitted ? node->front : MATERIAL_NONE;
     }
 }
 
@@ -211,14 +208,14 @@ static int read_emitter(Builder *builder, const Node *node, int shape)
 {
     Description *d = builder->description;
     int kind = shape < 0 ? find_plugin(node, emitters, COUNT(emitters)) : plugin_of(node, emitters, COUNT(emitters));
-    bool from_shape = kind >= 0 && emitter_from((EmitterKind)kind) == FROM_SHAPE;
-    if (shape >= 0 && !from_shape)
-        fail(node, "%s cannot stand in a <shape>: only area does", describe(node));
-    if (shape < 0 && from_shape)
-        fail(node, "%s must stand in a <shape>, which is what shines", describe(node));
     Emitter light = {.kind = (EmitterKind)kind, .line = node->line, .shape = shape};
+    LightFrom from = kind < 0 ? FROM_POINT : emitter_traits(&light).from;
+    if (shape >= 0 && from != FROM_SHAPE)
+        fail(node, "%s cannot stand in a <shape>: only area does", describe(node));
+    if (shape < 0 && from == FROM_SHAPE)
+        fail(node, "%s must stand in a <shape>, which is what shines", describe(node));
     read_plugin(builder, node, emitters[kind], "", &light.as);
-    if (emitter_from(light.kind) == FROM_AROUND) {
+    if (from == FROM_AROUND) {
         const Node *first = builder->environment;
         if (first)
             fail(node, "a second %s, the first is in line %d", describe(first), first->line);
@@ -399,20 +396,19 @@ static void check_length(const char *file, int line, double length)
 
 static void check_lengths(const Description *d, const char *file)
 {
-    double low[3], high[3], origin[3];
-    sensor_origin(&d->sensor, origin);
+    SensorTraits sensor = sensor_traits(&d->sensor);
     for (int axis = 0; axis < 3; axis++)
-        check_length(file, d->sensor.line, origin[axis]);
-    check_length(file, d->sensor.line, sensor_farthest(&d->sensor));
+        check_length(file, d->sensor.line, sensor.origin[axis]);
+    check_length(file, d->sensor.line, sensor.farthest);
     for (int i = 0; i < d->shape_count; i++) {
-        shape_bounds(&d->shapes[i], low, high);
+        Extent extent = shape_extent(&d->shapes[i]);
         for (int axis = 0; axis < 3; axis++) {
-            check_length(file, d->shapes[i].line, low[axis]);
-            check_length(file, d->shapes[i].line, high[axis]);
+            check_length(file, d->shapes[i].line, extent.low[axis]);
+            check_length(file, d->shapes[i].line, extent.high[axis]);
         }
     }
     for (int i = 0; i < d->emitter_count; i++) {
-        const double *position = emitter_position(&d->emitters[i]);
+        const double *position = emitter_traits(&d->emitters[i]).position;
         for (int axis = 0; position && axis < 3; axis++)
             check_length(file, d->emitters[i].line, position[axis]);
     }

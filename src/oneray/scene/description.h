@@ -10,9 +10,9 @@
 #include "kinds/shapes.h"
 #include "meshes/mesh.h"
 
-#define X(NAME, name, words) struct name name;
-
 enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind */
+
+#define X(NAME, name, words) struct name name;
 
 /* L16 */
 typedef struct {
@@ -89,35 +89,18 @@ Description *description_read(
     const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2]);
 void description_free(Description *description);
 
-/* What is asked of any kind. NAME_… of the kind's file answers; no blend is asked, only its parts. */
-
-/* The share of the light that goes on at most; and that which goes on for ever where a path cannot leave. */
-double material_most(const Material *material, int channel);
-double material_kept(const Material *material, int channel);
-/* Why single precision may not do, or NULL. */
-const char *material_odd(const Material *material);
-
-/* How many sides it has, and side k. How many of them lie in planes: all, or none. */
-int shape_sides(const Shape *shape);
+/* NAME_… of a kind's file answers. */
+MaterialTraits material_traits(const Material *material); /* of no blend: of its parts */
+EmitterTraits emitter_traits(const Emitter *emitter);
+SensorTraits sensor_traits(const Sensor *sensor);
+Extent shape_extent(const Shape *shape);
 Side shape_side(const Shape *shape, int k);
+
+/* How many sides a shape has; and one of that kind with planes of its own: as many, else 0, as for a mesh. */
+int shape_sides(const Shape *shape);
 int shape_planes(ShapeKind kind);
-Size shape_size(const Shape *shape);
-/* The axis-aligned box around a shape; and around all, 0 without any. */
-void shape_bounds(const Shape *shape, double low[3], double high[3]);
+bool emitter_has_power(const Emitter *emitter);
+/* The box around all shapes; 0 without any. */
 void scene_bounds(const Description *d, double low[3], double high[3]);
-
-LightFrom emitter_from(EmitterKind kind);
-/* Radiance, W·sr⁻¹·m⁻², FROM_SHAPE and FROM_AROUND; intensity, W·sr⁻¹, FROM_POINT; irradiance of a plane across it,
-   W·m⁻², FROM_AFAR. */
-const double *emitter_emission(const Emitter *light);
-bool emitter_has_power(const Emitter *light);
-const double *emitter_position(const Emitter *light); /* NULL if it is not FROM_POINT */
-/* Flux (W) over the emission, of a shape's side of that area (m²) or in a scene of that radius (m). */
-double emitter_flux(const Emitter *light, double area, double radius);
-const char *emitter_odd(const Emitter *light);
-
-void sensor_origin(const Sensor *sensor, double origin[3]);
-double sensor_farthest(const Sensor *sensor); /* what it sees */
-double sensor_pixel(const Sensor *sensor);    /* the least angle of a pixel, radians */
 
 #endif

@@ -10,6 +10,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define SMALLEST_SIZE (1.0 / 1024) /* of M: half the side of a shape, the radius of a sphere */
 #define SMALLEST_GAP (1.0 / 8192)  /* of M: between shapes, a light and a plane; how slim a mesh may be in the mean */
@@ -37,19 +38,18 @@ static bool because(Reason reason, const char *format, ...)
 }
 
 /* A light in a point that is not left out. */
-static bool is_point(const Emitter *light) { return emitter_position(light) && emitter_has_power(light); }
+static bool is_point(const Emitter *light) { return emitter_traits(light).position && emitter_has_power(light); }
 
 /* M, the largest coordinate, and how far the scene extends along its longest axis. */
 static double reach_of(const Description *d, double *extent)
 {
-    double low[3], high[3], origin[3], reach;
+    double low[3], high[3], reach;
     scene_bounds(d, low, high);
-    sensor_origin(&d->sensor, origin);
     *extent = fmax(high[0] - low[0], fmax(high[1] - low[1], high[2] - low[2]));
-    reach = fmax(extent_of(origin), fmax(extent_of(low), extent_of(high)));
+    reach = fmax(extent_of(sensor_traits(&d->sensor).origin), fmax(extent_of(low), extent_of(high)));
     for (int i = 0; i < d->emitter_count; i++)
         if (is_point(&d->emitters[i]))
-            reach = fmax(reach, extent_of(emitter_position(&d->emitters[i])));
+            reach = fmax(reach, extent_of(emitter_traits(&d->emitters[i]).position));
     return reach;
 }
 
@@ -57,7 +57,7 @@ static bool odd_sensor(const Sensor *sensor, Reason reason)
 {
     if (sensor->width > WIDEST_IMAGE || sensor->height > WIDEST_IMAGE)
         return because(reason, "an image of more than %d pixels a side", WIDEST_IMAGE);
-    double pixel = sensor_pixel(sensor);
+    double pixel = sensor_traits(sensor).pixel;
     if (pixel < SMALLEST_PIXEL)
         return because(reason, "a pixel of %.1g radians", pixel);
     return false;
@@ -69,11 +69,11 @@ static bool odd_material(const Description *d, Reason reason)
     double most = 0;
     for (int i = 0; i < d->material_count; i++) {
         const Material *m = &d->materials[i];
-        const char *odd = material_odd(m);
-        if (odd)
-            return because(reason, "line %d: %s", m->line, odd);
-        for (int c = 0; c < 3; c++) {
-            double albedo = material_most(m, c);
+        MaterialTraits traits = material_traits(m);
+        if (traits.odd)
+            return because(reason, "line %d: %s", m->line, traits.odd);
+        for (int c = 0; c < 3 && traits.reflected; c++) {
+            double albedo = fmax(traits.reflected[c], traits.transmitted ? traits.transmitted[c] : 0);
             if (albedo > 0.999 && albedo < 1)
                 return because(reason, "line %d: a reflectance within 0.001 of 1", m->line);
             most = fmax(most, albedo);
@@ -87,7 +87,7 @@ static bool odd_material(const Description *d, Reason reason)
 /* What the light gives at the scene's own distance, of the order of a radiance. */
 static double met_of(const Emitter *light, int channel, double reach)
 {
-    double emission = emitter_emission(light)[channel];
+    double emission = emitter_traits(light).emission[channel];
     return is_point(light) ? emission / (reach * reach) : emission;
 }
 
@@ -101,24 +101,24 @@ static bool odd_range(const Description *d, double reach, Reason reason)
         brightest = fmax(brightest, most);
         dimmest = most > 0 ? fmin(dimmest, most) : dimmest;
     }
-    return brightest > RANGE * dimmest && because(reason, "one light %.1g times as bright as another", brightest / dimmest);
+    return brightest > RANGE * dimmest
+           && because(reason, "one light %.1g times as bright as another", brightest / dimmest);
 }
 
 static bool odd_light(const Emitter *light, double reach, Reason reason)
 {
-    const double *emission = emitter_emission(light);
+    EmitterTraits traits = emitter_traits(light);
     for (int c = 0; c < 3; c++) {
         double met = met_of(light, c, reach);
-        if (emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
-            return because(reason, "line %d: a light of %.1g", light->line, emission[c]);
+        if (traits.emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
+            return because(reason, "line %d: a light of %.1g", light->line, traits.emission[c]);
     }
-    const char *odd = emitter_has_power(light) ? emitter_odd(light) : NULL;
-    return odd && because(reason, "line %d: %s", light->line, odd);
+    return traits.odd && emitter_has_power(light) && because(reason, "line %d: %s", light->line, traits.odd);
 }
 
 static bool odd_size(const Shape *shape, double reach, Reason reason)
 {
-    Size size = shape_size(shape);
+    Extent size = shape_extent(shape);
     if (size.least < SMALLEST_SIZE * reach)
         return because(reason, "line %d: a shape of %.1g in a scene of %.1g", shape->line, size.least, reach);
     if (size.height < SMALLEST_GAP * reach)
@@ -126,28 +126,37 @@ static bool odd_size(const Shape *shape, double reach, Reason reason)
     return false;
 }
 
-/* A shape as the search for gaps sees it: its box, and the sides of a rectangle, disk or cube. */
+typedef struct {
+    double point[3], normal[3];
+} Plane;
+
+/* A shape as the search for gaps sees it: its box, and the planes of a rectangle, disk or cube. */
 typedef struct {
     const Shape *shape;
     double low[3], high[3];
     int plane_count;
-    Side planes[6];
+    Plane planes[6];
 } Body;
 
 static Body body_of(const Shape *shape)
 {
     Body body = {.shape = shape, .plane_count = shape_planes(shape->kind)};
-    shape_bounds(shape, body.low, body.high);
-    for (int k = 0; k < body.plane_count; k++)
-        body.planes[k] = shape_side(shape, k);
+    Extent extent = shape_extent(shape);
+    memcpy(body.low, extent.low, sizeof body.low);
+    memcpy(body.high, extent.high, sizeof body.high);
+    for (int k = 0; k < body.plane_count; k++) {
+        Side side = shape_side(shape, k);
+        memcpy(body.planes[k].point, side.middle, sizeof side.middle);
+        memcpy(body.planes[k].normal, side.normal, sizeof side.normal);
+    }
     return body;
 }
 
 /* Along the plane's normal, from it to the point. */
-static double height_over(const Side *plane, const double p[3])
+static double height_over(const Plane *plane, const double p[3])
 {
     double up[3];
-    difference(p, plane->middle, up);
+    difference(p, plane->point, up);
     return dot(plane->normal, up);
 }
 
@@ -163,9 +172,9 @@ static double height_over_all(const Body *body, const double p[3])
 }
 
 /* Do two planes nearly coincide? What does coincide is no gap. */
-static bool nearly_coincide(const Side *a, const Side *b, double limit)
+static bool nearly_coincide(const Plane *a, const Plane *b, double limit)
 {
-    double height = fabs(height_over(a, b->middle));
+    double height = fabs(height_over(a, b->point));
     return fabs(dot(a->normal, b->normal)) > 0.999 && height > 0 && height < limit;
 }
 
@@ -215,7 +224,7 @@ static bool odd_gap(const Description *d, double reach, Reason reason)
         for (int k = 0; k < d->emitter_count && bodies[i].plane_count && !found; k++) {
             const Emitter *light = &d->emitters[k];
             if (is_point(light)
-                && fabs(height_over(bodies[i].planes, emitter_position(light))) < limit)
+                && fabs(height_over(bodies[i].planes, emitter_traits(light).position)) < limit)
                 found = because(reason, "line %d: a light in the plane of line %d", light->line,
                     bodies[i].shape->line);
         }
@@ -267,7 +276,7 @@ void refuse_beyond_single(const Description *d, const char *file)
             SINGLE_LARGEST);
     for (int i = 0; i < d->emitter_count; i++)
         for (int c = 0; c < 3; c++) {
-            double emission = emitter_emission(&d->emitters[i])[c];
+            double emission = emitter_traits(&d->emitters[i]).emission[c];
             if (!(emission <= SINGLE_BRIGHTEST))
                 die_at(file, d->emitters[i].line, "--precision single: a light of %.1g, beyond %g (auto takes double)",
                     emission, SINGLE_BRIGHTEST);

@@ -3,6 +3,7 @@
 #define ONERAY_SENSORS_PERSPECTIVE_H
 
 #include "fields.h"
+#include "traits.h"
 #include "vectors.h"
 
 typedef struct perspective {
@@ -46,15 +47,14 @@ static inline void perspective_extent(const Perspective *s, double aspect, doubl
     half[1] = half[0] / aspect;
 }
 
-static inline void perspective_origin(const Perspective *s, double origin[3]) { column(&s->to_world, 3, origin); }
-static inline double perspective_farthest(const Perspective *s) { return s->far_clip; }
-
-/* The least angle of a pixel, radians. */
-static inline double perspective_pixel(const Perspective *s, int width, int height)
+static inline SensorTraits perspective_traits(const Perspective *s, int width, int height)
 {
+    SensorTraits traits = {.farthest = s->far_clip};
     double half[2];
     perspective_extent(s, (double)width / height, half);
-    return fmin(2 * half[0] / width, 2 * half[1] / height);
+    column(&s->to_world, 3, traits.origin);
+    traits.pixel = fmin(2 * half[0] / width, 2 * half[1] / height);
+    return traits;
 }
 
 /* Primary rays, one pixel's box filter. The eye is where the path starts; nothing is sampled towards it. */

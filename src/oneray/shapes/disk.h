@@ -11,7 +11,6 @@ typedef struct disk {
 static const Plugin disk_plugin = {"disk", placed_fields, NULL};
 
 enum { disk_planes = 1 };
-static inline int disk_sides(const Disk *s) { return (void)s, 1; }
 static inline Side disk_side(const Disk *s, int k)
 {
     (void)k;
@@ -19,11 +18,7 @@ static inline Side disk_side(const Disk *s, int k)
     side.area = PI * side.across;
     return side;
 }
-static inline Size disk_size(const Disk *s) { return placed_size(&s->placed, true); }
-static inline void disk_bounds(const Disk *s, double low[3], double high[3])
-{
-    placed_bounds(&s->placed, true, low, high);
-}
+static inline Extent disk_extent(const Disk *s) { return placed_extent(&s->placed, true); }
 
 #ifdef LANES
 

@@ -15,6 +15,7 @@ typedef struct mesh {
     const Mesh *all;
     int first_triangle, triangle_count;
     bool smooth; /* it has vertex normals */
+    Extent extent;
 } MeshShape;
 
 static const Field mesh_fields[] = {
@@ -24,6 +25,47 @@ static const Field mesh_fields[] = {
     {"face_normals", AS_BOOLEAN, offsetof(MeshShape, face_normals), NULL, "false"},
     {0},
 };
+
+static inline Side mesh_side(const MeshShape *s, int k)
+{
+    Side side;
+    const double *corner = s->all->vertex[s->all->triangle[s->first_triangle + k][0]];
+    triangle_edges(s->all, s->first_triangle + k, 0, side.x, side.y, side.normal);
+    side.across = length(side.normal);
+    side.area = side.across / 2;
+    for (int i = 0; i < 3; i++) {
+        side.middle[i] = corner[i] + (side.x[i] + side.y[i]) / 3;
+        side.normal[i] = side.across > 0 ? side.normal[i] / side.across : 0;
+    }
+    return side;
+}
+
+/* Half the sides of its box, where it is not flat. A triangle's least height is twice its area over its longest side;
+   their mean is by area, as errors are: a few slivers among many others, as at the poles of a ball, are a small share
+   of any pixel. */
+static inline Extent mesh_measure(const MeshShape *s)
+{
+    Extent e = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}, HUGE_VAL, HUGE_VAL};
+    double third[3], across = 0, longest = 0;
+    for (int k = 0; k < s->triangle_count; k++) {
+        Side side = mesh_side(s, k);
+        difference(side.y, side.x, third);
+        across += side.across;
+        longest += fmax(length(side.x), fmax(length(side.y), length(third)));
+        for (int c = 0; c < 9; c++) {
+            double x = s->all->vertex[s->all->triangle[s->first_triangle + k][c / 3]][c % 3];
+            e.low[c % 3] = fmin(e.low[c % 3], x);
+            e.high[c % 3] = fmax(e.high[c % 3], x);
+        }
+    }
+    for (int i = 0; i < 3; i++)
+        if (e.high[i] > e.low[i])
+            e.least = fmin(e.least, (e.high[i] - e.low[i]) / 2);
+    if (longest > 0)
+        e.height = across / longest;
+    return e;
+}
+static inline Extent mesh_extent(const MeshShape *s) { return s->extent; }
 
 static inline void mesh_check(void *plugin, Said *said)
 {
@@ -47,56 +89,11 @@ static inline void mesh_check(void *plugin, Said *said)
     s->triangle_count = mesh.triangle_count;
     s->smooth = mesh.normal != NULL;
     mesh_append(all, &mesh);
+    s->extent = mesh_measure(s);
 }
 static const Plugin mesh_plugin = {"ply obj", mesh_fields, mesh_check};
 
 enum { mesh_planes = 0 };
-static inline int mesh_sides(const MeshShape *s) { return s->triangle_count; }
-static inline Side mesh_side(const MeshShape *s, int k)
-{
-    Side side;
-    const double *corner = s->all->vertex[s->all->triangle[s->first_triangle + k][0]];
-    triangle_edges(s->all, s->first_triangle + k, 0, side.x, side.y, side.normal);
-    side.across = length(side.normal);
-    side.area = side.across / 2;
-    for (int i = 0; i < 3; i++) {
-        side.middle[i] = corner[i] + (side.x[i] + side.y[i]) / 3;
-        side.normal[i] = side.across > 0 ? side.normal[i] / side.across : 0;
-    }
-    return side;
-}
-
-static inline void mesh_bounds(const MeshShape *s, double low[3], double high[3])
-{
-    for (int axis = 0; axis < 3; axis++)
-        for (int i = 0; i < 3 * s->triangle_count; i++) {
-            double x = s->all->vertex[s->all->triangle[s->first_triangle + i / 3][i % 3]][axis];
-            low[axis] = i ? fmin(low[axis], x) : x;
-            high[axis] = i ? fmax(high[axis], x) : x;
-        }
-}
-
-/* Half the sides of its box, where it is not flat. A triangle's least height is twice its area over its longest side;
-   their mean is by area, as errors are: a few slivers among many others, as at the poles of a ball, are a small share
-   of any pixel. */
-static inline Size mesh_size(const MeshShape *s)
-{
-    Size size = {HUGE_VAL, HUGE_VAL};
-    double low[3], high[3], third[3], across = 0, longest = 0;
-    mesh_bounds(s, low, high);
-    for (int axis = 0; axis < 3; axis++)
-        if (high[axis] > low[axis])
-            size.least = fmin(size.least, (high[axis] - low[axis]) / 2);
-    for (int k = 0; k < s->triangle_count; k++) {
-        Side side = mesh_side(s, k);
-        difference(side.y, side.x, third);
-        across += side.across;
-        longest += fmax(length(side.x), fmax(length(side.y), length(third)));
-    }
-    if (longest > 0)
-        size.height = across / longest;
-    return size;
-}
 
 /* What a ray meets among the triangles. */
 #ifdef LANES

@@ -47,32 +47,27 @@ static inline Side placed_side(const Placed *shape, int axis, double at)
     return side;
 }
 
-/* The box around the shape, whose local coordinates are in [-1,1]; flat, in two of them only. */
-static inline void placed_bounds(const Placed *shape, bool flat, double low[3], double high[3])
-{
-    for (int axis = 0; axis < 3; axis++) {
-        const double *row = shape->to_world.m[axis];
-        double reach = fabs(row[0]) + fabs(row[1]) + (flat ? 0 : fabs(row[2]));
-        low[axis] = row[3] - reach;
-        high[axis] = row[3] + reach;
-    }
-}
-
-/* What of a shape's size matters to single precision. */
+/* The box around a shape, and what of its size matters to single precision. */
 typedef struct {
+    double low[3], high[3];
     double least;  /* half its shortest side */
     double height; /* of its triangles, in the mean; infinite if it has none */
-} Size;
+} Extent;
 
-static inline Size placed_size(const Placed *shape, bool flat)
+/* Local coordinates are in [-1,1]; of a flat shape two. */
+static inline Extent placed_extent(const Placed *shape, bool flat)
 {
-    Size size = {HUGE_VAL, HUGE_VAL};
-    for (int j = 0; j < (flat ? 2 : 3); j++) {
-        double axis[3];
-        column(&shape->to_world, j, axis);
-        size.least = fmin(size.least, length(axis));
+    Extent e = {.least = HUGE_VAL, .height = HUGE_VAL};
+    for (int i = 0; i < 3; i++) {
+        const double *row = shape->to_world.m[i];
+        double reach = fabs(row[0]) + fabs(row[1]) + (flat ? 0 : fabs(row[2])), axis[3];
+        column(&shape->to_world, i, axis);
+        e.low[i] = row[3] - reach;
+        e.high[i] = row[3] + reach;
+        if (i < 2 || !flat)
+            e.least = fmin(e.least, length(axis));
     }
-    return size;
+    return e;
 }
 
 #endif

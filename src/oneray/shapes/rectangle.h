@@ -11,13 +11,8 @@ typedef struct rectangle {
 static const Plugin rectangle_plugin = {"rectangle", placed_fields, NULL};
 
 enum { rectangle_planes = 1 };
-static inline int rectangle_sides(const Rectangle *s) { return (void)s, 1; }
 static inline Side rectangle_side(const Rectangle *s, int k) { return (void)k, placed_side(&s->placed, 2, 0); }
-static inline Size rectangle_size(const Rectangle *s) { return placed_size(&s->placed, true); }
-static inline void rectangle_bounds(const Rectangle *s, double low[3], double high[3])
-{
-    placed_bounds(&s->placed, true, low, high);
-}
+static inline Extent rectangle_extent(const Rectangle *s) { return placed_extent(&s->placed, true); }
 
 #ifdef LANES
 

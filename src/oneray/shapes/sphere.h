@@ -37,20 +37,20 @@ static inline void sphere_check(void *plugin, Said *said)
 static const Plugin sphere_plugin = {"sphere", sphere_fields, sphere_check};
 
 enum { sphere_planes = 0 };
-static inline int sphere_sides(const Sphere *s) { return (void)s, 1; }
 static inline Side sphere_side(const Sphere *s, int k)
 {
     double r = s->radius;
     (void)k;
     return (Side){{s->center[0], s->center[1], s->center[2]}, {r, 0, 0}, {0, r, 0}, {0}, r * r, 4 * PI * (r * r)};
 }
-static inline Size sphere_size(const Sphere *s) { return (Size){s->radius, HUGE_VAL}; }
-static inline void sphere_bounds(const Sphere *s, double low[3], double high[3])
+static inline Extent sphere_extent(const Sphere *s)
 {
-    for (int axis = 0; axis < 3; axis++) {
-        low[axis] = s->center[axis] - s->radius;
-        high[axis] = s->center[axis] + s->radius;
+    Extent e = {.least = s->radius, .height = HUGE_VAL};
+    for (int i = 0; i < 3; i++) {
+        e.low[i] = s->center[i] - s->radius;
+        e.high[i] = s->center[i] + s->radius;
     }
+    return e;
 }
 
 #ifdef LANES

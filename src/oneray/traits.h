@@ -1,0 +1,35 @@
+/* What is asked of a material, an emitter or a sensor of any kind: NAME_traits of the kind's file answers. */
+#ifndef ONERAY_TRAITS_H
+#define ONERAY_TRAITS_H
+
+#include <stdbool.h>
+
+typedef struct {
+    const double *reflected, *transmitted; /* of the light, at most, by channel; NULL: it has no back side of its own */
+    bool absorbs;                          /* part of the rest: a metal */
+    const char *odd;                       /* why single precision may not do, or NULL */
+} MaterialTraits;
+
+/* Where light comes from, and so the measure of an emission and what flux (W) is in proportion to. */
+typedef enum {
+    FROM_SHAPE, /* in which the emitter stands; random rays meet it: radiance, W·sr⁻¹·m⁻², times its area, m² */
+    FROM_POINT, /* intensity, W·sr⁻¹ */
+    FROM_AFAR,  /* one direction: irradiance of a plane across it, W·m⁻², times the square of the scene's radius */
+    FROM_AROUND /* the environment, which random rays meet that meet nothing else: radiance, times that square */
+} LightFrom;
+
+typedef struct {
+    LightFrom from;
+    const double *emission;
+    const double *position; /* FROM_POINT, else NULL */
+    double flux;            /* over the emission and what it is in proportion to */
+    const char *odd;
+} EmitterTraits;
+
+typedef struct {
+    double origin[3];
+    double farthest; /* that it sees */
+    double pixel;    /* its least angle, radians */
+} SensorTraits;
+
+#endif
