@@ -25,7 +25,9 @@ ROOT = Path(__file__).resolve().parent.parent
 BUDGET = 7200
 """Lines of C that what there is shall fit into."""
 GENERATED = "generated tables"
-SKIPPED = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
+ELSEWHERE = "main, options, …"
+"""What stands in no folder."""
+NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 
 
 def lines_of_c(text: str) -> int:
@@ -39,7 +41,7 @@ def lines_of_python(text: str) -> int:
     """Without comments, blanks and docstrings."""
     lines: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type not in SKIPPED:
+        if token.type not in NO_CODE:
             lines.update(range(token.start[0], token.end[0] + 1))
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
@@ -62,8 +64,8 @@ def of_c(root: Path = ROOT) -> Counter[str]:
         command = [_formatter(), f"--style=file:{style}", path]
         text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
         folder = path.relative_to(sources).parent.as_posix()
-        name = GENERATED if text.startswith("/* Generated") else "main, options, …" if folder == "." else folder
-        found[name] += lines_of_c(text)
+        generated = text.startswith("/* Generated")
+        found[GENERATED if generated else ELSEWHERE if folder == "." else folder] += lines_of_c(text)
     return found
 
 
