@@ -10,16 +10,26 @@
 # make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
 # make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
+# make WERROR=1   stops at a warning, as make test does
 
 BUILD   ?= build
 CC      ?= cc
 # -ffp-contract=off: the same bits whether or not the processor has fused multiply-add.
 # -fno-math-errno, -fno-trapping-math: no result changes; sqrt needs no call, a select needs no branch.
 CFLAGS  ?= -O2 -g
-WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow -Werror
+WARN    := -Wall -Wextra -pedantic -Wconversion -Wshadow $(if $(WERROR),-Werror)
+# The same bits also want every operation to round to the type of its operands, FLT_EVAL_METHOD 0: on 32-bit x86 by SSE,
+# on s390x by a gcc that does not promote.
+method = $(shell echo __FLT_EVAL_METHOD__ | $(CC) -std=c99 $(CFLAGS) $(1) -E -P -x c - 2>/dev/null)
+ROUNDS := $(if $(filter-out 0,$(method)),$(if $(filter 0,$(call method,-msse2 -mfpmath=sse)),-msse2 -mfpmath=sse,$(if \
+    $(filter 0,$(call method,-fexcess-precision=fast)),-fexcess-precision=fast)))
+ifneq (,$(filter-out 0,$(call method,$(ROUNDS))))
+$(error $(CC) $(CFLAGS) keeps more digits than a number has (FLT_EVAL_METHOD is not 0): another processor or compiler is wanted)
+endif
 # expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
 PACKAGES := expat OpenEXR libpng
-ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray -I$(BUILD) $(WARN) -ffp-contract=off -fno-math-errno -fno-trapping-math $(CFLAGS)
+ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray -I$(BUILD) $(WARN) -ffp-contract=off -fno-math-errno \
+    -fno-trapping-math $(CFLAGS) $(ROUNDS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
 
 # A kernel: precision:lanes:level, level 0 for any processor of this architecture, 1 for AVX2, 2 for AVX-512; with
@@ -58,12 +68,13 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
-.PHONY: all install wheel demo test references thorough techniques report stability benchmark calibrate fuzz fuzzers clean FORCE
+.PHONY: all kinds install wheel demo test references thorough techniques report stability benchmark calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
 	$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
 
+kinds: $(KIND_HEADERS)
 $(BUILD)/kinds/%.h: $(SOURCE_HEADERS) Makefile
 	@mkdir -p $(@D)
 	@list=$$(echo $* | tr a-z A-Z); \
@@ -106,8 +117,9 @@ FUZZ_SECONDS ?= 3600
 FUZZERS := $(foreach f,scene ply obj,$(BUILD)/fuzz/$(f))
 FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
     -Isrc/oneray -I$(BUILD) -include tests/fuzz/harness.h
-FUZZ_MESH := harness message mesh ply obj
-FUZZ_SCENE := $(FUZZ_MESH) xml values build precision description
+stems = $(basename $(notdir $(wildcard src/oneray/$(1)/*.c)))
+FUZZ_MESH := harness message $(call stems,meshes)
+FUZZ_SCENE := $(FUZZ_MESH) $(call stems,scene)
 vpath %.c tests/fuzz
 
 $(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile
@@ -154,7 +166,7 @@ $(VENV)/.test: pyproject.toml | $(PYTHON)
 
 # A fresh machine may lack what the build asks for by name, so the build is a make of its own after the set-up, on all
 # cores unless this one was told how many.
-ALL = $(MAKE) $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 1)) all
+ALL = $(MAKE) $(1) $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 1)) all
 # The quick verification: 1 is a FAIL; 3, INCONCLUSIVE, is not. In half the time, more is INCONCLUSIVE.
 VERIFY = $(RAYCHECK) verify --seconds $(1) --json $(BUILD)/verification.json || test $$? -eq 3
 
@@ -165,7 +177,7 @@ demo: $(BUILD)/.system $(VENV)/.demo
 	@echo "Open $(BUILD)/report/index.html"
 
 test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
-	+$(ALL)
+	+$(call ALL,WERROR=1)
 	$(call VERIFY,45)
 	$(PYTHON) -m ruff check src scripts tests
 	$(PYTHON) -m pytest -n 2 --dist loadfile

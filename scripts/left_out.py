@@ -17,8 +17,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENE = ROOT / "scenes/cornell-box.xml"
-ROOM = "HAS_ALIGNED|HAS_CUBE|HAS_DIFFUSE|HAS_AREA|HAS_FLAT_LIGHT|USE_NEE|USE_MIS|USE_COSINE|USE_SOLID_ANGLE"
-ROOM += "|USE_ROULETTE"
+ROOM = "HAS_PERSPECTIVE|HAS_ALIGNED|HAS_CUBE|HAS_DIFFUSE|HAS_AREA|HAS_FLAT_LIGHT"
+USES = "USE_NEE|USE_MIS|USE_COSINE|USE_SOLID_ANGLE|USE_ROULETTE"
 FEATURES = {
     "HAS_RECTANGLE": "rectangles at an angle to the axes",
     "HAS_DISK": "disks",
@@ -26,7 +26,7 @@ FEATURES = {
     "HAS_CONDUCTOR": "mirrors",
     "HAS_MANY_LIGHTS": "more lights than one",
     "HAS_SPHERE_LIGHT": "sphere lights",
-    "HAS_TRIANGLE_LIGHT": "mesh lights",
+    "HAS_MESH_LIGHT": "mesh lights",
     "HAS_POINT": "point lights",
     "HAS_SPOT": "spots",
     "HAS_DIRECTIONAL": "directional lights",
@@ -60,13 +60,13 @@ def film(oneray: Path, kernel: str) -> bytes:
 
 
 def build(folder: Path, features: str) -> Path:
-    """oneray with one instance, `room`, for these features."""
+    """oneray with one instance, `room`, for scenes that have these features."""
     make = ["make", "-C", str(ROOT), f"BUILD={folder}", "KERNEL_LIST=double:4:1:special"]
     subprocess.run([*make, "all"], check=True, capture_output=True)
-    again = [*make, "-n", "-W", "src/oneray/instances.c", "all"]
+    again = [*make, "-n", "-W", "src/oneray/kernel/instances.c", "all"]
     commands = subprocess.run(again, check=True, capture_output=True, text=True).stdout
     commands = re.sub(r"^make.*$", "", commands, flags=re.M)
-    commands = commands.replace("-DSPECIALISED", f"-DSPECIALISED -D'LIST(X)=X(room, {features})'")
+    commands = commands.replace("-DSPECIALISED", f"-DSPECIALISED -D'LIST(X)=X(room, {features}, {USES})'")
     subprocess.run(["sh", "-ec", commands], check=True, cwd=ROOT)
     return folder / "oneray"
 

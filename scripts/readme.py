@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import size
 
 from raycheck import prices, speed, stability
 from raycheck.calibration import table
@@ -40,6 +41,10 @@ def _stability(words: Sequence[str]) -> str:
 
 def _benchmark(words: Sequence[str]) -> str:
     return speed.markdown(speed.read(REFERENCES / "benchmark.json"))
+
+
+def _size(words: Sequence[str]) -> str:
+    return size.markdown(json.loads((REFERENCES / "size.json").read_text(encoding="utf-8")))
 
 
 def _verification(words: Sequence[str]) -> str:
@@ -84,6 +89,7 @@ TABLES: dict[str, Callable[[Sequence[str]], str]] = {
     "stability": _stability,
     "benchmark": _benchmark,
     "verification": _verification,
+    "size": _size,
 }
 WANTED_IMAGE = 0.003
 PLACE = re.compile(rf"(<!-- ({'|'.join(TABLES)})(?:: (.*?))? -->).*?(<!-- /\2 -->)", re.DOTALL)

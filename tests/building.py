@@ -10,12 +10,15 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def build(target: Path, source: Path = ROOT, **variables: str) -> Path:
-    """Runs `make` in `source` into the folder `target`; returns the program. Warnings are errors."""
-    settings = [f"{name}={value}" for name, value in {"BUILD": str(target), **variables}.items()]
+def build(target: Path, source: Path = ROOT, goal: str = "all", **variables: str) -> Path:
+    """Runs `make` in `source` into the folder `target`; returns the program. Warnings are errors. The goal
+    `kinds` is the headers alone that the build writes.
+    """
+    given = {"BUILD": str(target), "WERROR": "1", **variables}
+    settings = [f"{name}={value}" for name, value in given.items()]
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
     done = subprocess.run(
-        ["make", "-C", str(source), *settings, "all"],
+        ["make", "-C", str(source), *settings, goal],
         capture_output=True,
         text=True,
         env=environment,

@@ -153,11 +153,11 @@ extern void *scene_open(
     const void *description, int estimator, int hemisphere, int choice, int points, int schlick);
 void *scene_open(const void *description, int estimator, int hemisphere, int choice, int points, int schlick)
 {
-    Technique technique = {.estimator = (Estimator)estimator,
-        .hemisphere = (Hemisphere)hemisphere,
-        .light_choice = (LightChoice)choice,
-        .light_points = (LightPoints)points,
-        .fresnel = (Fresnel)schlick};
+    Technique technique = {.estimator = estimator,
+        .hemisphere = hemisphere,
+        .light_choice = choice,
+        .light_points = points,
+        .fresnel = schlick};
     return prepare(description, &technique);
 }
 extern void scene_close(void *scene, void *description);

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from building import ROOT
+from building import ROOT, build
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
@@ -57,13 +57,17 @@ SCENE = """<scene version="3.0.0">
 class Driver:
     """sampling.c, compiled for one precision and number of lanes."""
 
-    def __init__(
-        self, folder: Path, precision: str = "double", lanes: int = 1, source: Path = SOURCES
-    ) -> None:
+    def __init__(self, folder: Path, precision: str = "double", lanes: int = 1) -> None:
         self.folder = folder
         target = folder / f"sampling_{precision}_{lanes}.so"
-        scene_files = [path for path in sorted(source.glob("*.c")) if path.stem not in PROGRAM]
-        settings = [f"-DLANES={lanes}", *(["-DSINGLE"] if precision == "single" else []), f"-I{source}"]
+        scene_files = [path for path in sorted(SOURCES.rglob("*.c")) if path.stem not in PROGRAM]
+        settings = [
+            f"-DLANES={lanes}",
+            *(["-DSINGLE"] if precision == "single" else []),
+            f"-I{SOURCES}",
+            f"-I{folder}",
+        ]
+        build(folder, goal="kinds")
         command = [
             "cc",
             *FLAGS,
@@ -116,7 +120,7 @@ class Driver:
         self.library.scene_close(ctypes.c_void_p(opened), description)
 
     def light_count(self, scene: int) -> int:
-        return self.library.light_count(ctypes.c_void_p(scene))
+        return self.library.emitter_count(ctypes.c_void_p(scene))
 
     def light_slot(self, scene: int, light: int) -> int:
         return self.library.light_slot(ctypes.c_void_p(scene), light)

@@ -83,7 +83,7 @@ scenes = ["mixed-material"]
 points = 1
 spp = 2
 technique = "nee-uniform-choice"
-functions = ["choose_layer"]
+functions = ["choose_part"]
 """
 PICTURES = """\
 name = "pictures"
@@ -128,16 +128,17 @@ def test_a_function_that_is_not_there_once_is_one_line(tmp_path) -> None:
 
 def test_every_function_of_the_example_assignment_can_be_left_out(tmp_path) -> None:
     left = write_handout(read_assignment(ROOT / "docs/lecture12.toml"), tmp_path / "h")
-    assert {f.name for f in left} >= {"next_event", "sample_facing", "survival", "choose_layer"}
+    assert {f.name for f in left} >= {"next_event", "sample_facing", "survival", "choose_part"}
     for function in left:
-        text = (tmp_path / "h/src/oneray" / function.path.name).read_text(encoding="utf-8")
+        [path] = (tmp_path / "h/src/oneray").rglob(function.path.name)
+        text = path.read_text(encoding="utf-8")
         [again] = [f for f in c_functions.functions(function.path, text) if f.name == function.name]
         assert "not implemented: " + function.name in text[again.begin : again.end]
     assert (tmp_path / "h/scenes/lecture.xml").is_file()
 
 
 def test_a_bad_request_leaves_nothing_behind(tmp_path) -> None:
-    asked = written(tmp_path / "a.toml", TASKS.replace('"choose_layer"', '"no_such"'))
+    asked = written(tmp_path / "a.toml", TASKS.replace('"choose_part"', '"no_such"'))
     done = CliRunner().invoke(app, ["handout", "--assignment", str(asked), "-o", str(tmp_path / "h")])
     assert done.exit_code == 2 and "'no_such' is defined nowhere" in done.output
     assert list(tmp_path.iterdir()) == [asked]
@@ -165,7 +166,7 @@ def test_the_handout_fails_the_tasks_that_it_leaves_to_the_student_and_no_other(
     assert [t.id for t in given.tasks if t.verdict is Outcome.FAIL] == ["L5", "L8", "L16"]
     assert given.tasks[0].verdict is Outcome.PASS
     reason = given.tasks[3].scenes[0].reason
-    assert "exit status 2; it said: oneray: not implemented: choose_layer, for L16" in reason
+    assert "exit status 2; it said: oneray: not implemented: choose_part, for L16" in reason
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""--precision auto: single where it is certainly enough, by the rules of src/oneray/precision.c.
+"""--precision auto: single where it is certainly enough, by the rules of src/oneray/scene/precision.c.
 
 That single is enough is shown with the same samples in both precisions: their paths are the same but for
 rounding, so that the difference has little of their noise.

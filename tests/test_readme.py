@@ -1,5 +1,6 @@
 """The README shows what was measured."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -20,6 +21,19 @@ def test_each_table_has_its_place(name: str) -> None:
 
 def test_the_tables_are_those_of_the_results() -> None:
     assert readme.renewed(TEXT) == TEXT
+
+
+def test_the_techniques_are_where_it_says() -> None:
+    """`file` `function`, `function`, … in the table of the lecture's techniques."""
+    rows = re.findall(r"^\| L\d+.*? \| .* \| (`.*) \|$", TEXT, re.MULTILINE)
+    assert len(rows) > 10
+    for row in rows:
+        text = ""
+        for name in re.findall("`(.*?)`", row):
+            if "/" in name:
+                text = (ROOT / "src/oneray" / name).read_text(encoding="utf-8")
+            else:
+                assert re.search(rf"^[A-Za-z].*\b{name}\(", text, re.MULTILINE), row
 
 
 def test_old_tables_are_replaced() -> None:

@@ -1,53 +1,29 @@
 /* oneray: a path tracer that has every technique of the lecture "Probability Theory", each selectable. */
 #include "film/film.h"
-#include "message.h"
-#include "options.h"
 #include "film/output.h"
 #include "film/picture.h"
-#include "scene/precision.h"
-#include "render.h"
 #include "film/stats.h"
+#include "message.h"
+#include "options.h"
+#include "render.h"
+#include "scene/precision.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* oneray merge PART.film … -o PICTURE */
-static int merge(int count, char **words)
+static void merge(const Options *options)
 {
-    const char *output = NULL;
-    double exposure = 0;
     Film film = {0};
-    char **inputs = allocate((size_t)count, sizeof *inputs);
-    int parts = 0;
-    for (int i = 2; i < count; i++)
-        if (!strcmp(words[i], "-o") && i + 1 < count && !output)
-            output = words[++i];
-        else if (!strcmp(words[i], "--exposure") && i + 1 < count) {
-            exposure = options_real(words[i], words[i + 1], -128, 128);
-            i++;
-        } else if (!strcmp(words[i], "-o"))
-            die("merge: one -o OUT.exr is wanted");
-        else if (words[i][0] == '-')
-            die("merge: %s is no option (oneray merge PART.film ... -o OUT.exr)", words[i]);
-        else
-            inputs[parts++] = words[i];
-    if (!output)
-        die("merge: -o OUT.exr is wanted");
-    if (!parts)
-        die("merge: no film is given (oneray merge PART.film ... -o OUT.exr)");
-    picture_check_name(output, exposure);
-    output_check(output, inputs, parts);
-    for (int i = 0; i < parts; i++) {
-        Film part = film_read(inputs[i]);
-        film_collect(&film, &part, inputs[i]);
+    output_check(options->output, options->parts, options->part_count);
+    for (int i = 0; i < options->part_count; i++) {
+        Film part = film_read(options->parts[i]);
+        film_collect(&film, &part, options->parts[i]);
     }
-    free(inputs);
     film_close(&film);
-    picture_write(&film, -1, "merged", exposure, output);
+    picture_write(&film, -1, "merged", options->exposure, options->output);
     film_free(&film);
-    return 0;
 }
 
 /* What makes two films parts of one picture: everything that the bits depend on. */
@@ -97,7 +73,7 @@ static void write_outputs(const Render *r)
         warn("interrupted: %s: %" PRIu64 " of %" PRIu64 " samples per pixel%s", to, samples, r->wanted,
             samples ? "" : ", nothing is written");
     if (samples && o->output)
-        picture_write(&r->film, seconds_now() - r->started, render_instance(r), o->exposure, o->output);
+        picture_write(&r->film, seconds_now() - r->started, instance_name(r), o->exposure, o->output);
     if (samples && o->film)
         film_write(&r->film, o->film);
 }
@@ -106,8 +82,8 @@ static void render_scene(Options *options)
 {
     Seconds seconds = {0};
     double start = seconds_now();
-    Description *scene = description_read(
-        options->scene, options->parameters, options->parameter_count, options->size);
+    Description *scene =
+        description_read(options->scene, options->parameters, options->parameter_count, options->size);
     options_check(options, scene);
     check_outputs(options, scene);
     seconds.load = seconds_now() - start;
@@ -126,7 +102,7 @@ static void render_scene(Options *options)
     r.film.window = window_of(options, &scene->sensor);
     identify(&r.film, options, scene);
     start = seconds_now();
-    render(&r);
+    render_image(&r);
     seconds.render = seconds_now() - start;
 
     start = seconds_now();
@@ -141,12 +117,12 @@ static void render_scene(Options *options)
 
 int main(int count, char **words)
 {
-    if (count > 1 && !strcmp(words[1], "merge"))
-        return merge(count, words);
     Options options = options_read(count, words);
-    render_scene(&options);
-    for (int i = 0; i < options.parameter_count; i++)
-        free((char *)options.parameters[i].name);
+    if (options.part_count)
+        merge(&options);
+    else
+        render_scene(&options);
+    options_free(&options);
     if (interrupted())
         die_interrupted();
     return 0;

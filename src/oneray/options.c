@@ -1,8 +1,8 @@
 #include "options.h"
 
+#include "film/picture.h"
 #include "kernel/kernel.h"
 #include "message.h"
-#include "film/picture.h"
 #include "version.h"
 
 #include <ctype.h>
@@ -12,108 +12,138 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* An option that chooses one of several techniques: the first column of values is also the enum's order. */
+/* A word that an option takes. */
 typedef struct {
-    const char *name, *help;
+    const char *word, *help;
 } Value;
+
 typedef struct {
-    const char *name, *help;
-    int given;
-    Value values[5];
-} Choice;
+    const char *name, *argument; /* the argument as --help calls it; NULL: none, or one of the values */
+    enum {
+        TEXT,      /* const char *: any word */
+        WORD,      /* const char *: one of the values */
+        CHOICE,    /* int of the technique: which of the values */
+        WHOLE,     /* uint64_t from least to most, or 0 for the first of the values */
+        REAL,      /* double between low and high */
+        RANGE,     /* first_sample and sample_count */
+        CROP,      /* uint64_t[4] */
+        FLAG,      /* bool, without a word */
+        PARAMETER, /* the word follows without a space */
+        HELP,
+        VERSION
+    } kind;
+    size_t at; /* in Options */
+    const char *help;
+    uint64_t least, most;
+    double low, high;
+    const Value *values; /* up to one without a word */
+    int unasked;         /* CHOICE, WORD: the value of an option that is not given */
+    int estimators;      /* CHOICE: those it means something to, a bit each; 0: all */
+    bool merges;         /* `oneray merge` takes it, too */
+} Option;
 
-enum {
-    CHOICE_ESTIMATOR,
-    CHOICE_HEMISPHERE,
-    CHOICE_LIGHT,
-    CHOICE_POINTS,
-    CHOICE_MIS,
-    CHOICE_MIS_PDF,
-    CHOICE_ROULETTE,
-    CHOICE_FRESNEL,
-    CHOICE_SAMPLER,
-    CHOICES
+#define AT(field) offsetof(Options, field)
+#define TECHNIQUE(field) CHOICE, AT(technique.field)
+#define ROW(name, word, help) {word, help},
+#define OF(LIST) .values = (const Value[]){LIST(ROW){NULL, NULL}}
+#define WITH(estimator) 1 << ESTIMATOR_##estimator
+
+/* Every option, as --help lists them. */
+static const Option table[] = {
+    {"-o", "PICTURE", TEXT, AT(output), .merges = true,
+        .help = ".exr, .pfm or .png: mean of each pixel; in .exr also its standard error (not with\n"
+                "--sampler sobol); .png in sRGB, 8 bits"},
+    {"--exposure", "STOPS", REAL, AT(exposure), .low = -128, .high = 128, .merges = true,
+        .help = "of .png: 2^STOPS times as bright"},
+    {"-D", "name=value", PARAMETER, 0, .help = "sets a <default> of the scene"},
+    {"--width", "N", WHOLE, AT(size[0]), .least = 1, .most = 65536,
+        .help = "instead of the scene's; one alone keeps the image's shape"},
+    {"--height", "N", WHOLE, AT(size[1]), .least = 1, .most = 65536, .help = "likewise"},
+    {"--crop", "X,Y,WIDTH,HEIGHT", CROP, AT(crop),
+        .help = "only these pixels, from the upper left; the same bits as in the whole image"},
+    {"--spp", "N", WHOLE, AT(spp), .least = 1, .most = MOST_SAMPLES,
+        .help = "samples per pixel, instead of the scene's sample_count"},
+    {"--time", "SECONDS", REAL, AT(seconds), .high = 1e9,
+        .help = "as many samples per pixel as the time allows, at least one"},
+    {"--error", "RELATIVE", REAL, AT(error), .high = 1e9,
+        .help = "until the root mean square of the pixels' standard errors is RELATIVE of the\n"
+                "image's mean (0.01 is 1 %); looks at 16, 18, 20 ... samples per pixel, by\n"
+                "eighths; with --spp N or --time no longer than these say"},
+    {"--checkpoint", "FILE", TEXT, AT(checkpoint), .help = "keeps the film there, again and again"},
+    {"--checkpoint-seconds", "N", REAL, AT(checkpoint_seconds), .high = 1e9,
+        .help = "60*; at least so often, as long as one sample of every pixel takes less"},
+    {"--resume", NULL, FLAG, AT(resume),
+        .help = "goes on from the checkpoint, if there is one: the same bits as in one run"},
+    {"--seed", "S", WHOLE, AT(seed), .most = UINT64_MAX,
+        .help = "0*; another seed gives other, independent samples"},
+
+    {"--estimator", NULL, TECHNIQUE(estimator), .unasked = ESTIMATOR_MIS, OF(ESTIMATORS),
+        .help = "how light is found"},
+    {"--hemisphere", NULL, TECHNIQUE(hemisphere), .unasked = HEMISPHERE_COSINE, OF(HEMISPHERES),
+        .help = "one ray over the hemisphere"},
+    {"--light-choice", NULL, TECHNIQUE(light_choice), .unasked = LIGHT_CHOICE_CONTRIBUTION, OF(LIGHT_CHOICES),
+        .estimators = WITH(NEE) | WITH(MIS) | WITH(LIGHT),
+        .help = "one of N lights, divided by its probability (L4)"},
+    {"--light-points", NULL, TECHNIQUE(light_points), .unasked = LIGHT_POINTS_CONE, OF(POINTS_ON_LIGHTS),
+        .estimators = WITH(NEE) | WITH(MIS), .help = "where on the light"},
+    {"--mis", NULL, TECHNIQUE(mis), .unasked = MIS_POWER, OF(MIS_HEURISTICS), .estimators = WITH(MIS),
+        .help = "weights of --estimator mis"},
+    {"--mis-pdf", NULL, TECHNIQUE(mis_pdf), .unasked = MIS_PDF_BSDF, OF(MIS_PDFS), .estimators = WITH(MIS),
+        .help = "density of the walk in them"},
+    {"--roulette", NULL, TECHNIQUE(roulette), .unasked = ROULETTE_SURVIVAL, OF(ROULETTES),
+        .help = "how a path ends"},
+    {"--fresnel", NULL, TECHNIQUE(fresnel), .unasked = FRESNEL_EXACT, OF(FRESNELS),
+        .help = "reflectance of glass"},
+    {"--sampler", NULL, TECHNIQUE(sampler), .unasked = SAMPLER_INDEPENDENT, OF(SAMPLERS),
+        .help = "where the samples of a pixel lie; for pictures, not of the lecture"},
+
+    {"--samples", "FIRST:COUNT", RANGE, 0,
+        .help = "only these samples of each pixel, into --film PART.film; `oneray merge`\n"
+                "joins the parts to the very picture that one run would have made"},
+    {"--film", "PART.film", TEXT, AT(film), .help = "where they go"},
+    {"--precision", NULL, WORD, AT(precision), .help = "of the arithmetic",
+        .values = (const Value[]){{"auto", "single where the scene's sizes, gaps, lights and depth allow it"},
+            {"double", "of 64 bits"}, {"single", "of 32 bits, for twice as many lanes"}, {NULL, NULL}}},
+    {"--lanes", "N", WHOLE, AT(lanes), .least = 1, .most = 16,
+        .help = "paths at once; the bits do not depend on it",
+        .values = (const Value[]){{"auto", "the most that this processor has"}, {NULL, NULL}}},
+    {"--kernel", NULL, WORD, AT(kernel), .help = "of the tracer; the bits do not depend on it",
+        .values = (const Value[]){{"auto", "specialised for what the scene has"},
+            {"generic", "the general one"}, {NULL, NULL}}},
+    {"--stats", "FILE", TEXT, AT(stats), .help = "figures as JSON (- for standard output)"},
+    {"--quiet", NULL, FLAG, AT(quiet), .help = "no progress line"},
+    {"--version", NULL, VERSION, 0, .help = "says which oneray this is"},
+    {"--help", NULL, HELP, 0, .help = "says this"},
 };
+enum { OPTIONS = sizeof table / sizeof *table };
 
-static const Choice choices[CHOICES] = {
-    {"--estimator", "how light is found", ESTIMATOR_MIS,
-        {{"walk", "L7 the random walk alone: light counts where a random ray hits it"},
-            {"nee", "L10 next event estimation: a ray to a light at every vertex (L1 to L3, L11, L12)"},
-            {"mis", "L13 both, weighed by multiple importance sampling"},
-            {"light", "L17 light tracing: paths from the lights, each vertex joined to the eye"}}},
-    {"--hemisphere", "one ray over the hemisphere", HEMISPHERE_COSINE,
-        {{"uniform", "L8 uniform, scaled by 2 pi"}, {"cosine", "L9 in proportion to the cosine"}}},
-    {"--light-choice", "one of N lights, divided by its probability (L4)", LIGHT_CHOICE_CONTRIBUTION,
-        {{"uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion"},
-            {"power", "L4 in proportion to the flux (the default with --estimator light)"},
-            {"contribution", "L6 by flux, distance and cosines; 0 where a light cannot contribute"},
-            {"learned", "L18 that, and what a pre-pass saw of occlusion, L6 situation 2"}}},
-    {"--light-points", "where on the light", LIGHT_POINTS_CONE,
-        {{"area", "L2, L3 uniform on its area"},
-            {"facing", "L5 the half of a sphere that faces the point, twice the density"},
-            {"cone", "L5 the cone that a sphere fills; the solid angle of a rectangle"}}},
-    {"--mis", "weights of --estimator mis", MIS_POWER,
-        {{"balance", "L13 balance heuristic"}, {"power", "L13 power heuristic, exponent 2"}}},
-    {"--mis-pdf", "density of the walk in them", MIS_PDF_BSDF,
-        {{"bsdf", "L13 of the direction"},
-            {"survival", "L13 of the direction and of surviving roulette, brdfPdf * Psurvive"}}},
-    {"--roulette", "how a path ends", ROULETTE_SURVIVAL,
-        {{"none", "L19 at max_depth only"},
-            {"survival", "L14 from rr_depth on it survives with min(1, throughput)"}}},
-    {"--fresnel", "reflectance of glass", FRESNEL_EXACT,
-        {{"exact", "L15 Fresnel's"}, {"schlick", "L15 Schlick's approximation: another picture, a little wrong"}}},
-    {"--sampler", "where the samples of a pixel lie; for pictures, not of the lecture", SAMPLER_INDEPENDENT,
-        {{"independent", "by chance, what the lecture's variances and the standard errors are about"},
-            {"sobol", "evenly (Owen-scrambled Sobol' points): less noise, no standard errors"}}},
-};
-
-static const char usage[] =
-    "usage: oneray SCENE.xml [-o PICTURE] [-Dname=value ...] [options]\n"
-    "       oneray merge PART.film ... -o PICTURE [--exposure STOPS]\n"
-    "\n"
-    "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each\n"
-    "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n"
-    "\n"
-    "  -o OUT.exr|.pfm|.png   mean of each pixel; in .exr also its standard error (not with --sampler sobol);\n"
-    "                         .png in sRGB, 8 bits\n"
-    "  --exposure STOPS       of .png: 2^STOPS times as bright\n"
-    "  -Dname=value           sets a <default> of the scene\n"
-    "  --width N, --height N  instead of the scene's; one alone keeps the image's shape\n"
-    "  --crop X,Y,WIDTH,HEIGHT\n"
-    "                         only these pixels, from the upper left; the same bits as in the whole image\n"
-    "  --spp N                samples per pixel, instead of the scene's sample_count\n"
-    "  --time SECONDS         as many samples per pixel as the time allows, at least one\n"
-    "  --error RELATIVE       until the root mean square of the pixels' standard errors is RELATIVE of the\n"
-    "                         image's mean (0.01 is 1 %); looks at 16, 18, 20 ... samples per pixel, by\n"
-    "                         eighths; with --spp N or --time no longer than these say\n"
-    "  --checkpoint FILE      keeps the film there, at least every --checkpoint-seconds N (60*), as long as\n"
-    "                         one sample of every pixel takes less\n"
-    "  --resume               goes on from the checkpoint, if there is one: the same bits as in one run\n"
-    "  --seed S               0*; another seed gives other, independent samples\n";
-
-static const char usage_end[] =
-    "  --samples FIRST:COUNT  only these samples of each pixel, into --film PART.film; `oneray merge`\n"
-    "                         joins the parts to the very picture that one run would have made\n"
-    "  --precision auto*|double|single\n"
-    "                         auto: single where the scene's sizes, gaps, lights and depth allow it\n"
-    "  --lanes auto*|N        paths at once; the bits do not depend on it\n"
-    "  --kernel auto*|generic specialised for what the scene has, or the general one; the same bits\n"
-    "  --stats FILE|-         figures as JSON (- for standard output)\n"
-    "  --quiet                no progress line\n"
-    "  --version, --help\n"
-    "\n"
-    "exit status: 0 done, 2 the command line, the scene or a file was wrong (standard error says where)\n";
-
-static void help(void)
+static void help_of(const Option *option)
 {
-    fputs(usage, stdout);
-    for (int i = 0; i < CHOICES; i++) {
-        printf("  %-22s %s\n", choices[i].name, choices[i].help);
-        for (int v = 0; choices[i].values[v].name; v++)
-            printf("      %-12s%c      %s\n", choices[i].values[v].name, v == choices[i].given ? '*' : ' ',
-                choices[i].values[v].help);
+    int used = printf("  %s%s%s", option->name, option->argument && option->kind != PARAMETER ? " " : "",
+        option->argument ? option->argument : "");
+    if (used > 24)
+        used = printf("\n") - 1;
+    for (const char *line = option->help; line; line = strchr(line, '\n')) {
+        line += *line == '\n';
+        printf("%*s%.*s\n", 25 - used, "", (int)strcspn(line, "\n"), line);
+        used = 0;
     }
-    fputs(usage_end, stdout);
+    for (int v = 0; option->values && option->values[v].word; v++)
+        printf("      %-12s%c      %s\n", option->values[v].word, v == option->unasked ? '*' : ' ',
+            option->values[v].help);
+}
+
+NORETURN static void help(void)
+{
+    puts("usage: oneray SCENE.xml [-o PICTURE] [-Dname=value ...] [options]\n"
+         "       oneray merge PART.film ... -o PICTURE [--exposure STOPS]\n"
+         "\n"
+         "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each\n"
+         "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n");
+    for (int i = 0; i < OPTIONS; i++)
+        help_of(&table[i]);
+    puts(
+        "\nexit status: 0 done, 2 the command line, the scene or a file was wrong (standard error says where)");
     const char *last = "";
     fputs("\nkernels that run here:", stdout);
     for (int i = 0; kernel_built(i); i++)
@@ -126,28 +156,7 @@ static void help(void)
             last = kernel->precision;
         }
     putchar('\n');
-}
-
-static int choose(const Choice *choice, const char *word)
-{
-    char known[160] = "";
-    for (int v = 0; choice->values[v].name; v++) {
-        if (!strcmp(choice->values[v].name, word))
-            return v;
-        strcat(known, v ? ", " : "");
-        strcat(known, choice->values[v].name);
-    }
-    die("%s %s is not supported (%s)", choice->name, word, known);
-}
-
-/* Is the word one of those in a list "a, b, c"? */
-static bool is_one_of(const char *list, const char *word)
-{
-    size_t length = strlen(word);
-    for (const char *at = list; at; at = strchr(at, ' '), at += at ? 1 : 0)
-        if (!strncmp(at, word, length) && (at[length] == ',' || !at[length]) && length)
-            return true;
-    return false;
+    exit(0);
 }
 
 static uint64_t whole(const char *option, const char *word, uint64_t least, uint64_t most)
@@ -161,7 +170,7 @@ static uint64_t whole(const char *option, const char *word, uint64_t least, uint
     return value;
 }
 
-double options_real(const char *option, const char *word, double low, double high)
+static double real(const char *option, const char *word, double low, double high)
 {
     char *end;
     double value = strtod(word, &end);
@@ -170,19 +179,33 @@ double options_real(const char *option, const char *word, double low, double hig
     return value;
 }
 
-/* Whole numbers with `between` between them. */
-static void numbers(const char *option, const char *word, const char *form, uint64_t *to, int count)
+/* Whole numbers, up to four, with the marks between them that the argument's name has between its words. */
+static void numbers(const Option *option, const char *word, uint64_t *to)
 {
-    const char *at = word;
-    for (int i = 0; i < count; i++) {
+    const char *form = option->argument, *at = word;
+    for (bool more = true; more; form++, at++, to++) {
         char *end;
         errno = 0;
-        to[i] = strtoull(at, &end, 10);
-        if (!isdigit((unsigned char)*at) || errno || to[i] > MOST_SAMPLES
-            || *end != (i + 1 == count ? '\0' : count == 2 ? ':' : ','))
-            die("%s %s: %s is wanted", option, word, form);
-        at = end + 1;
+        *to = strtoull(at, &end, 10);
+        form += strcspn(form, ":,");
+        if (!isdigit((unsigned char)*at) || errno || *to > MOST_SAMPLES || *end != *form)
+            die("%s %s: %s is wanted", option->name, word, option->argument);
+        more = *form;
+        at = end;
     }
+}
+
+/* Which of the values the word is, or an error. */
+static int value_of(const Option *option, const char *word)
+{
+    char known[160] = "";
+    for (int v = 0; option->values[v].word; v++) {
+        if (!strcmp(option->values[v].word, word))
+            return v;
+        strcat(known, v ? ", " : "");
+        strcat(known, option->values[v].word);
+    }
+    die("%s %s is not supported (%s)", option->name, word, known);
 }
 
 static void parameter(Options *options, const char *word)
@@ -201,82 +224,51 @@ static void parameter(Options *options, const char *word)
     options->parameters[options->parameter_count++] = (Parameter){copy, equals + 1, false};
 }
 
-/* An option that takes a word, and where it goes. */
-typedef struct {
-    const char *name;
-    enum { TEXT, WORD, WHOLE, POSITIVE, STOPS, RANGE, CROP, WIDTH } kind;
-    size_t at;            /* in Options */
-    uint64_t least, most; /* of WHOLE */
-    const char *words;    /* the WORDs that are supported */
-} Plain;
-#define AT(field) offsetof(Options, field)
-static const Plain plain[] = {
-    {"-o", TEXT, AT(output), 0, 0, NULL},
-    {"--film", TEXT, AT(film), 0, 0, NULL},
-    {"--stats", TEXT, AT(stats), 0, 0, NULL},
-    {"--checkpoint", TEXT, AT(checkpoint), 0, 0, NULL},
-    {"--precision", WORD, AT(precision), 0, 0, "auto, double, single"},
-    {"--kernel", WORD, AT(kernel), 0, 0, "auto, generic"},
-    {"--spp", WHOLE, AT(spp), 1, MOST_SAMPLES, NULL},
-    {"--seed", WHOLE, AT(seed), 0, UINT64_MAX, NULL},
-    {"--width", WHOLE, AT(size[0]), 1, 65536, NULL},
-    {"--height", WHOLE, AT(size[1]), 1, 65536, NULL},
-    {"--time", POSITIVE, AT(seconds), 0, 0, NULL},
-    {"--error", POSITIVE, AT(error), 0, 0, NULL},
-    {"--checkpoint-seconds", POSITIVE, AT(checkpoint_seconds), 0, 0, NULL},
-    {"--exposure", STOPS, AT(exposure), 0, 0, NULL},
-    {"--samples", RANGE, AT(first_sample), 0, 0, NULL},
-    {"--crop", CROP, AT(crop), 0, 0, NULL},
-    {"--lanes", WIDTH, AT(lanes), 0, 0, NULL},
-};
-
-static const Plain *plain_option(const char *name)
-{
-    for (size_t i = 0; i < sizeof plain / sizeof *plain; i++)
-        if (!strcmp(name, plain[i].name))
-            return &plain[i];
-    return NULL;
-}
-
-static void with_word(Options *o, const Plain *option, const char *word)
+static void take(Options *o, const Option *option, const char *word)
 {
     void *at = (char *)o + option->at;
+    uint64_t range[2];
     switch (option->kind) {
-    case WORD:
-        if (!is_one_of(option->words, word))
-            die("%s %s is not supported (%s)", option->name, word, option->words);
-        *(const char **)at = word;
-        break;
     case TEXT: *(const char **)at = word; break;
-    case WHOLE: *(uint64_t *)at = whole(option->name, word, option->least, option->most); break;
-    case POSITIVE: *(double *)at = options_real(option->name, word, 0, 1e9); break;
-    case STOPS: *(double *)at = options_real(option->name, word, -128, 128); break;
+    case WORD: *(const char **)at = option->values[value_of(option, word)].word; break;
+    case CHOICE: *(int *)at = value_of(option, word); break;
+    case WHOLE:
+        *(uint64_t *)at = option->values && !strcmp(word, option->values->word)
+                              ? 0
+                              : whole(option->name, word, option->least, option->most);
+        break;
+    case REAL: *(double *)at = real(option->name, word, option->low, option->high); break;
     case RANGE:
-        numbers(option->name, word, "FIRST:COUNT", at, 2);
-        if (!o->sample_count)
+        numbers(option, word, range);
+        if (!range[1])
             die("--samples %s: COUNT is 1 at least", word);
+        o->first_sample = range[0];
+        o->sample_count = range[1];
         break;
     case CROP:
-        numbers(option->name, word, "X,Y,WIDTH,HEIGHT", at, 4);
+        numbers(option, word, o->crop);
         if (!o->crop[2] || !o->crop[3])
             die("--crop %s: WIDTH and HEIGHT are 1 at least", word);
         break;
-    case WIDTH: *(int *)at = strcmp(word, "auto") ? (int)whole("--lanes", word, 1, 16) : 0; break;
+    case FLAG: *(bool *)at = true; break;
+    case PARAMETER: parameter(o, word); break;
+    case HELP: help();
+    case VERSION: printf("oneray %s\n", ONERAY_VERSION), exit(0);
     }
 }
 
-/* Options of a technique that the estimator has no use for. */
-static void check_technique(const Technique *t, const int given[CHOICES])
+/* Options of a technique that the estimator has no use for. What was not asked for is -1. */
+static void check_technique(const Technique *t, const Technique *asked)
 {
-    if ((given[CHOICE_MIS] >= 0 || given[CHOICE_MIS_PDF] >= 0) && t->estimator != ESTIMATOR_MIS)
+    if ((asked->mis >= 0 || asked->mis_pdf >= 0) && t->estimator != ESTIMATOR_MIS)
         die("%s weighs two ways to find a light: it goes with --estimator mis only",
-            choices[given[CHOICE_MIS] >= 0 ? CHOICE_MIS : CHOICE_MIS_PDF].name);
-    if (t->estimator == ESTIMATOR_WALK && (given[CHOICE_LIGHT] >= 0 || given[CHOICE_POINTS] >= 0))
+            asked->mis >= 0 ? "--mis" : "--mis-pdf");
+    if (t->estimator == ESTIMATOR_WALK && (asked->light_choice >= 0 || asked->light_points >= 0))
         die("--estimator walk sends no ray to a light: %s does nothing there",
-            choices[given[CHOICE_LIGHT] >= 0 ? CHOICE_LIGHT : CHOICE_POINTS].name);
-    if (t->estimator == ESTIMATOR_LIGHT && given[CHOICE_POINTS] >= 0)
+            asked->light_choice >= 0 ? "--light-choice" : "--light-points");
+    if (t->estimator == ESTIMATOR_LIGHT && asked->light_points >= 0)
         die("--estimator light starts anywhere on a light: --light-points does nothing there");
-    if (t->estimator == ESTIMATOR_LIGHT && given[CHOICE_LIGHT] >= LIGHT_CHOICE_CONTRIBUTION)
+    if (t->estimator == ESTIMATOR_LIGHT && asked->light_choice >= LIGHT_CHOICE_CONTRIBUTION)
         die("--estimator light chooses a light before it knows where it shines: --light-choice uniform or power");
     if (t->mis_pdf == MIS_PDF_SURVIVAL && t->roulette == ROULETTE_NONE)
         die("--mis-pdf survival: with --roulette none every path survives");
@@ -284,19 +276,19 @@ static void check_technique(const Technique *t, const int given[CHOICES])
 
 const Kernel *options_kernel(const Options *o)
 {
-    const Kernel *kernel = kernel_find(o->precision, o->lanes);
+    const Kernel *kernel = kernel_find(o->precision, (int)o->lanes);
     if (!kernel)
         die("--lanes %d --precision %s: this build or this processor has no such kernel (--help lists them)",
-            o->lanes, o->precision);
+            (int)o->lanes, o->precision);
     return kernel;
 }
 
-/* What can be seen to make no sense before the scene is read. `given` is -1 for an option that was not. */
-static void check_given(Options *o, const int given[CHOICES])
+/* What can be seen to make no sense before the scene is read. */
+static void check_given(const Options *o, const Technique *asked)
 {
     if (!o->scene)
         die("a scene is wanted: oneray SCENE.xml -o OUT.exr (--help tells more)");
-    check_technique(&o->technique, given);
+    check_technique(&o->technique, asked);
     if (o->spp && o->seconds > 0)
         die("--spp and --time: give one of them");
     if (o->error > 0 && o->technique.sampler == SAMPLER_SOBOL)
@@ -313,72 +305,99 @@ static void check_given(Options *o, const int given[CHOICES])
         die("%s: --checkpoint FILE is wanted with it", o->resume ? "--resume" : "--checkpoint-seconds");
     if (o->output)
         picture_check_name(o->output, o->exposure);
-    if (o->checkpoint_seconds <= 0)
-        o->checkpoint_seconds = 60;
     if (strcmp(o->precision, "auto"))
         options_kernel(o);
 }
 
-static void flag(Options *options, const char *word)
+static const Option *option_named(const char *word)
 {
-    if (!strcmp(word, "--quiet"))
-        options->quiet = true;
-    else if (!strcmp(word, "--resume"))
-        options->resume = true;
-    else if (!strcmp(word, "--help") || !strcmp(word, "-h"))
-        help(), exit(0);
-    else if (!strcmp(word, "--version"))
-        printf("oneray %s\n", ONERAY_VERSION), exit(0);
-    else if (!strncmp(word, "-D", 2))
-        parameter(options, word + 2);
-    else if (word[0] == '-')
-        die("%s is no option (--help lists them)", word);
-    else if (options->scene)
-        die("%s and %s: one scene is wanted", options->scene, word);
-    else
-        options->scene = word;
+    if (!strcmp(word, "-h"))
+        word = "--help";
+    for (int i = 0; i < OPTIONS; i++)
+        if (table[i].kind == PARAMETER ? !strncmp(word, table[i].name, 2) : !strcmp(word, table[i].name))
+            return &table[i];
+    return NULL;
 }
 
-static int choice_option(const char *name)
+static void read_words(Options *o, int count, char **words)
 {
-    int i = 0;
-    while (i < CHOICES && strcmp(name, choices[i].name))
-        i++;
-    return i;
+    for (int i = 1; i < count; i++) {
+        const Option *option = option_named(words[i]);
+        const char *name = words[i], *word = name;
+        if (option && option->kind == PARAMETER)
+            word += 2;
+        else if (option && option->kind < FLAG && (word = words[++i]) == NULL)
+            die("%s: a value is wanted after it", name);
+        if (option)
+            take(o, option, word);
+        else if (name[0] == '-')
+            die("%s is no option (--help lists them)", name);
+        else if (o->scene)
+            die("%s and %s: one scene is wanted", o->scene, name);
+        else
+            o->scene = name;
+    }
+}
+
+/* oneray merge PART.film … -o PICTURE */
+static void read_merge(Options *o, int count, char **words)
+{
+    o->parts = allocate((size_t)count, sizeof *o->parts);
+    for (int i = 2; i < count; i++) {
+        const Option *option = option_named(words[i]);
+        if (words[i][0] != '-')
+            o->parts[o->part_count++] = words[i];
+        else if (!option || !option->merges)
+            die("merge: %s is no option (oneray merge PART.film ... -o OUT.exr)", words[i]);
+        else if (option->kind == TEXT && (o->output || i + 1 == count))
+            die("merge: one -o OUT.exr is wanted");
+        else if (++i == count)
+            die("%s: a value is wanted after it", option->name);
+        else
+            take(o, option, words[i]);
+    }
+    if (!o->output)
+        die("merge: -o OUT.exr is wanted");
+    if (!o->part_count)
+        die("merge: no film is given (oneray merge PART.film ... -o OUT.exr)");
+    picture_check_name(o->output, o->exposure);
+}
+
+static int *choice(Technique *technique, const Option *option)
+{
+    return (int *)((char *)technique + (option->at - AT(technique)));
 }
 
 Options options_read(int count, char **words)
 {
     Options o = {0};
-    int given[CHOICES];
-    o.precision = o.kernel = "auto";
-    for (int i = 0; i < CHOICES; i++)
-        given[i] = -1;
-    for (int i = 1; i < count; i++) {
-        const Plain *option = plain_option(words[i]);
-        int choice = choice_option(words[i]);
-        if (!option && choice == CHOICES) {
-            flag(&o, words[i]);
-            continue;
-        }
-        if (++i == count)
-            die("%s: a value is wanted after it", words[i - 1]);
-        if (option)
-            with_word(&o, option, words[i]);
-        else
-            given[choice] = choose(&choices[choice], words[i]);
+    if (count > 1 && !strcmp(words[1], "merge")) {
+        read_merge(&o, count, words);
+        return o;
     }
-    int value[CHOICES];
-    for (int i = 0; i < CHOICES; i++)
-        value[i] = given[i] < 0 ? choices[i].given : given[i];
-    if (value[CHOICE_ESTIMATOR] == ESTIMATOR_LIGHT && given[CHOICE_LIGHT] < 0)
-        value[CHOICE_LIGHT] = LIGHT_CHOICE_POWER;
-    o.technique = (Technique){(Estimator)value[CHOICE_ESTIMATOR], (Hemisphere)value[CHOICE_HEMISPHERE],
-        (LightChoice)value[CHOICE_LIGHT], (LightPoints)value[CHOICE_POINTS], (MisHeuristic)value[CHOICE_MIS],
-        (MisPdf)value[CHOICE_MIS_PDF], (Roulette)value[CHOICE_ROULETTE], (Fresnel)value[CHOICE_FRESNEL],
-        (Sampler)value[CHOICE_SAMPLER]};
-    check_given(&o, given);
+    for (int i = 0; i < OPTIONS; i++)
+        if (table[i].kind == CHOICE)
+            *choice(&o.technique, &table[i]) = -1;
+        else if (table[i].kind == WORD)
+            take(&o, &table[i], table[i].values[table[i].unasked].word);
+    read_words(&o, count, words);
+    Technique asked = o.technique;
+    if (asked.estimator == ESTIMATOR_LIGHT && asked.light_choice < 0)
+        o.technique.light_choice = LIGHT_CHOICE_POWER;
+    for (int i = 0; i < OPTIONS; i++)
+        if (table[i].kind == CHOICE && *choice(&o.technique, &table[i]) < 0)
+            *choice(&o.technique, &table[i]) = table[i].unasked;
+    check_given(&o, &asked);
+    if (o.checkpoint_seconds <= 0)
+        o.checkpoint_seconds = 60;
     return o;
+}
+
+void options_free(Options *o)
+{
+    for (int i = 0; i < o->parameter_count; i++)
+        free((char *)o->parameters[i].name);
+    free(o->parts);
 }
 
 /* L17 light tracing: what it cannot render, as far as the scene says so. */
@@ -430,25 +449,11 @@ void options_check(const Options *options, const Description *scene)
             options->scene, endless->line);
 }
 
-/* Does this choice change anything with this estimator? */
-static bool says_something(int choice, Estimator estimator)
-{
-    switch (choice) {
-    case CHOICE_MIS:
-    case CHOICE_MIS_PDF: return estimator == ESTIMATOR_MIS;
-    case CHOICE_LIGHT: return estimator != ESTIMATOR_WALK;
-    case CHOICE_POINTS: return estimator == ESTIMATOR_NEE || estimator == ESTIMATOR_MIS;
-    default: return true;
-    }
-}
-
 void options_technique(const Technique *t, char *text, int size)
 {
-    const int value[CHOICES] = {(int)t->estimator, (int)t->hemisphere, (int)t->light_choice,
-        (int)t->light_points, (int)t->mis, (int)t->mis_pdf, (int)t->roulette, (int)t->fresnel,
-        (int)t->sampler};
-    for (int i = 0, used = 0; i < CHOICES; i++)
-        if (says_something(i, t->estimator))
-            used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", choices[i].name,
-                choices[i].values[value[i]].name);
+    Technique technique = *t;
+    for (int i = 0, used = 0; i < OPTIONS; i++)
+        if (table[i].kind == CHOICE && (!table[i].estimators || table[i].estimators >> t->estimator & 1))
+            used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", table[i].name,
+                table[i].values[*choice(&technique, &table[i])].word);
 }

@@ -2,8 +2,8 @@
 #ifndef ONERAY_OPTIONS_H
 #define ONERAY_OPTIONS_H
 
-#include "scene/description.h"
 #include "kernel/kernel.h"
+#include "scene/description.h"
 #include "technique.h"
 
 #include <stdbool.h>
@@ -13,7 +13,10 @@ enum { MAX_PARAMETERS = 64 };
 #define MOST_SAMPLES ((uint64_t)1 << 48) /* per pixel */
 
 typedef struct {
-    const char *scene, *output, *film, *stats, *checkpoint; /* NULL: not given; stats "-" is standard output */
+    const char *scene, *output, *film, *stats,
+        *checkpoint; /* NULL: not given; stats "-" is standard output */
+    char **parts;   /* the films to merge, instead of a scene to render */
+    int part_count; /* 0: a scene is rendered */
     Parameter parameters[MAX_PARAMETERS];
     int parameter_count;
     uint64_t spp;                              /* 0: the scene's sample_count, or without limit */
@@ -24,19 +27,17 @@ typedef struct {
     uint64_t crop[4];                          /* x, y, width, height; width 0: the whole image */
     double exposure;                           /* stops */
     Technique technique;
-    const char *precision;     /* "auto" until the scene is known */
+    const char *precision;      /* "auto" until the scene is known */
     char precision_reason[128]; /* why, where it was auto */
     const char *kernel;
-    int lanes; /* 0: the widest */
+    uint64_t lanes; /* 0: the widest */
     bool resume, quiet;
 } Options;
 
 /* Reads the command line; --help and --version print and end the program, errors end it with exit
    status 2. */
 Options options_read(int count, char **words);
-
-/* The word as the value of an option, a number strictly between low and high, or an error. */
-double options_real(const char *option, const char *word, double low, double high);
+void options_free(Options *options);
 
 /* Ends the program if the scene does not go with the options: says why. */
 void options_check(const Options *options, const Description *scene);

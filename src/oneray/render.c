@@ -148,7 +148,7 @@ static void render_block(Render *r, uint64_t first, int level)
     size_t pixels = film_pixels(&r->film);
     Layer layer = {level, first >> level, allocate(pixels, 6 * sizeof(double))};
     double *radiance = allocate((at_once < pixels ? at_once : pixels) * samples, 3 * sizeof(double));
-    double(*nodes)[6] = allocate(samples, sizeof *nodes);
+    double (*nodes)[6] = allocate(samples, sizeof *nodes);
     for (size_t pixel = 0, count; pixel < pixels && !interrupted(); pixel += count) {
         count = pixels - pixel < at_once ? pixels - pixel : at_once;
         size_t place = place_in_image(&r->film.window, pixel, &count);
@@ -171,7 +171,7 @@ static void render_block(Render *r, uint64_t first, int level)
 }
 
 /* Adds what the job's light paths gave to the pixels, path after path, in whatever order the lanes came. */
-static void add_splats(const Splats *splats, size_t paths, double *radiance)
+static void gather_splats(const Splats *splats, size_t paths, double *radiance)
 {
     size_t *next = allocate(paths + 1, sizeof *next);
     const Splat **sorted = allocate(splats->count, sizeof *sorted);
@@ -207,12 +207,12 @@ static void render_pass(Render *r, uint64_t sample)
         size_t count = all - pixel < JOB_SAMPLES ? all - pixel : JOB_SAMPLES;
         splats.count = 0;
         run(r, (Job){0, sample, pixel, 1, count, NULL, &splats});
-        add_splats(&splats, count, radiance);
+        gather_splats(&splats, count, radiance);
     }
     free(splats.list);
     for (size_t pixel = 0, count = 1; pixel < pixels; pixel++) {
         size_t place = place_in_image(w, pixel, &count);
-        if (film_reduce(radiance + 3 * place, 0, (double(*)[6])(layer.pixels + 6 * pixel)) >= 0)
+        if (film_reduce(radiance + 3 * place, 0, (double (*)[6])(layer.pixels + 6 * pixel)) >= 0)
             die_of(r, place, sample, radiance + 3 * place);
     }
     free(radiance);
@@ -319,12 +319,12 @@ static void resume(Render *r)
             (unsigned long long)(o->first_sample + r->wanted - 1));
 }
 
-const char *render_instance(const Render *r)
+const char *instance_name(const Render *r)
 {
     return generic(r) ? "generic" : r->kernel->instance(r->prepared);
 }
 
-void render(Render *r)
+void render_image(Render *r)
 {
     const Options *o = r->options;
     r->wanted = o->seconds > 0 || o->error > 0 ? MOST_SAMPLES : (uint64_t)r->scene->sample_count;

@@ -31,10 +31,10 @@ typedef struct {
 } Render;
 
 /* The name of the kernel's instance that renders. */
-const char *render_instance(const Render *r);
+const char *instance_name(const Render *r);
 
 /* Renders options' samples of the prepared scene into the film, which has its window and identity. A sample that
    is no radiance, or a path without end, ends the program with its place. */
-void render(Render *r);
+void render_image(Render *r);
 
 #endif

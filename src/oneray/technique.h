@@ -1,35 +1,78 @@
-/* What the command line selects: the lecture's techniques, and what a scene and a technique need of a kernel.
-   */
+/* What the command line selects: the lecture's techniques, L1 to L19. */
 #ifndef ONERAY_TECHNIQUE_H
 #define ONERAY_TECHNIQUE_H
 
 #include "kinds.h"
 
-typedef enum { ESTIMATOR_WALK, ESTIMATOR_NEE, ESTIMATOR_MIS, ESTIMATOR_LIGHT } Estimator; /* L7; L10; L13; L17 */
-typedef enum { HEMISPHERE_UNIFORM, HEMISPHERE_COSINE } Hemisphere;                       /* L8; L9 */
-typedef enum {
-    LIGHT_CHOICE_UNIFORM,      /* L4 */
-    LIGHT_CHOICE_POWER,        /* L4 */
-    LIGHT_CHOICE_CONTRIBUTION, /* L6 */
-    LIGHT_CHOICE_LEARNED       /* L18 */
-} LightChoice;
-typedef enum { LIGHT_POINTS_AREA, LIGHT_POINTS_FACING, LIGHT_POINTS_CONE } LightPoints; /* L3, L5 */
-typedef enum { MIS_BALANCE, MIS_POWER } MisHeuristic;                                    /* L13 */
-typedef enum { MIS_PDF_BSDF, MIS_PDF_SURVIVAL } MisPdf;                                  /* L13 */
-typedef enum { ROULETTE_NONE, ROULETTE_SURVIVAL } Roulette;                              /* L19; L14 */
-typedef enum { FRESNEL_EXACT, FRESNEL_SCHLICK } Fresnel;                                 /* L15 */
-typedef enum { SAMPLER_INDEPENDENT, SAMPLER_SOBOL } Sampler; /* sampler.h; no technique of the lecture */
+/* A list for each choice, a line for each value: its name in code, its word on the command line, and what --help
+   says of it, the lecture's technique first. */
+#define ESTIMATORS(X)                                                                                        \
+    X(ESTIMATOR_WALK, "walk", "L7 the random walk alone: light counts where a random ray hits it")           \
+    X(ESTIMATOR_NEE, "nee", "L10 next event estimation: a ray to a light at every vertex (L1 to L3, L11, L12)") \
+    X(ESTIMATOR_MIS, "mis", "L13 both, weighed by multiple importance sampling")                             \
+    X(ESTIMATOR_LIGHT, "light", "L17 light tracing: paths from the lights, each vertex joined to the eye")
 
+#define HEMISPHERES(X)                                                                                       \
+    X(HEMISPHERE_UNIFORM, "uniform", "L8 uniform, scaled by 2 pi")                                           \
+    X(HEMISPHERE_COSINE, "cosine", "L9 in proportion to the cosine")
+
+#define LIGHT_CHOICES(X)                                                                                     \
+    X(LIGHT_CHOICE_UNIFORM, "uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion")       \
+    X(LIGHT_CHOICE_POWER, "power", "L4 in proportion to the flux (the default with --estimator light)")      \
+    X(LIGHT_CHOICE_CONTRIBUTION, "contribution",                                                             \
+        "L6 by flux, distance and cosines; 0 where a light cannot contribute")                               \
+    X(LIGHT_CHOICE_LEARNED, "learned", "L18 that, and what a pre-pass saw of occlusion, L6 situation 2")
+
+#define POINTS_ON_LIGHTS(X)                                                                                      \
+    X(LIGHT_POINTS_AREA, "area", "L2, L3 uniform on its area")                                               \
+    X(LIGHT_POINTS_FACING, "facing", "L5 the half of a sphere that faces the point, twice the density")      \
+    X(LIGHT_POINTS_CONE, "cone", "L5 the cone that a sphere fills; the solid angle of a rectangle")
+
+#define MIS_HEURISTICS(X)                                                                                    \
+    X(MIS_BALANCE, "balance", "L13 balance heuristic")                                                       \
+    X(MIS_POWER, "power", "L13 power heuristic, exponent 2")
+
+#define MIS_PDFS(X)                                                                                          \
+    X(MIS_PDF_BSDF, "bsdf", "L13 of the direction")                                                          \
+    X(MIS_PDF_SURVIVAL, "survival", "L13 of the direction and of surviving roulette, brdfPdf * Psurvive")
+
+#define ROULETTES(X)                                                                                         \
+    X(ROULETTE_NONE, "none", "L19 at max_depth only")                                                        \
+    X(ROULETTE_SURVIVAL, "survival", "L14 from rr_depth on it survives with min(1, throughput)")
+
+#define FRESNELS(X)                                                                                          \
+    X(FRESNEL_EXACT, "exact", "L15 Fresnel's")                                                               \
+    X(FRESNEL_SCHLICK, "schlick", "L15 Schlick's approximation: another picture, a little wrong")
+
+/* No technique of the lecture: lanes/sampler.h. */
+#define SAMPLERS(X)                                                                                          \
+    X(SAMPLER_INDEPENDENT, "independent",                                                                    \
+        "by chance, what the lecture's variances and the standard errors are about")                         \
+    X(SAMPLER_SOBOL, "sobol", "evenly (Owen-scrambled Sobol' points): less noise, no standard errors")
+
+#define NAME(name, word, help) name,
+enum { ESTIMATORS(NAME) };
+enum { HEMISPHERES(NAME) };
+enum { LIGHT_CHOICES(NAME) };
+enum { POINTS_ON_LIGHTS(NAME) };
+enum { MIS_HEURISTICS(NAME) };
+enum { MIS_PDFS(NAME) };
+enum { ROULETTES(NAME) };
+enum { FRESNELS(NAME) };
+enum { SAMPLERS(NAME) };
+#undef NAME
+
+/* A value of each list. */
 typedef struct {
-    Estimator estimator;
-    Hemisphere hemisphere;
-    LightChoice light_choice;
-    LightPoints light_points;
-    MisHeuristic mis;
-    MisPdf mis_pdf;
-    Roulette roulette;
-    Fresnel fresnel;
-    Sampler sampler;
+    int estimator;
+    int hemisphere;
+    int light_choice;
+    int light_points;
+    int mis;
+    int mis_pdf;
+    int roulette;
+    int fresnel;
+    int sampler;
 } Technique;
 
 #endif

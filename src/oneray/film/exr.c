@@ -35,11 +35,11 @@ static void write_header(exr_context_t context, const Picture *picture, const ch
        that does not read back. */
     const Window *w = &picture->window;
     exr_attr_box2i_t image = {.max = {.x = w->image_width - 1, .y = w->image_height - 1}};
-    exr_attr_box2i_t data = {.min = {.x = w->x, .y = w->y},
-        .max = {.x = w->x + w->width - 1, .y = w->y + w->height - 1}};
+    exr_attr_box2i_t data = {
+        .min = {.x = w->x, .y = w->y}, .max = {.x = w->x + w->width - 1, .y = w->y + w->height - 1}};
     exr_attr_v2f_t center = {.x = 0, .y = 0};
-    check(exr_initialize_required_attr(context, part, &image, &data, 1, &center, 1,
-              EXR_LINEORDER_INCREASING_Y, EXR_COMPRESSION_NONE),
+    check(exr_initialize_required_attr(
+              context, part, &image, &data, 1, &center, 1, EXR_LINEORDER_INCREASING_Y, EXR_COMPRESSION_NONE),
         file);
     for (int i = 0; i < channels; i++)
         check(exr_add_channel(

@@ -1,7 +1,7 @@
 #include "film/film.h"
 
-#include "message.h"
 #include "film/output.h"
+#include "message.h"
 
 #include <errno.h>
 #include <float.h>
@@ -10,10 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t film_pixels(const Film *film)
-{
-    return (size_t)film->window.width * (size_t)film->window.height;
-}
+size_t film_pixels(const Film *film) { return (size_t)film->window.width * (size_t)film->window.height; }
 static uint64_t layer_first(Layer layer) { return layer.index << layer.level; }
 static uint64_t layer_end(Layer layer) { return (layer.index + 1) << layer.level; }
 
@@ -134,6 +131,54 @@ double film_relative_error(const Film *film)
     return n > 1 && sum > 0 ? sqrt(squares / numbers / (n - 1) / n) / (sum / numbers) : HUGE_VAL;
 }
 
+/* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
+   points balance each other, so that it takes other seeds to know. The identity names the sampler. */
+bool film_has_error(const Film *film)
+{
+    return film_samples(film) > 1 && !strstr(film->identity, " --sampler sobol ");
+}
+
+/* A double of IEEE 754 in eight bytes, the lowest first, whatever the machine's own order is. */
+static void put_number(unsigned char bytes[8], double number)
+{
+    uint64_t bits;
+    memcpy(&bits, &number, sizeof bits);
+    for (int i = 0; i < 8; i++)
+        bytes[i] = (unsigned char)(bits >> 8 * i);
+}
+static double get_number(const unsigned char bytes[8])
+{
+    uint64_t bits = 0;
+    double number;
+    for (int i = 0; i < 8; i++)
+        bits |= (uint64_t)bytes[i] << 8 * i;
+    memcpy(&number, &bits, sizeof number);
+    return number;
+}
+
+static void write_pixels(const double *numbers, size_t pixels, FILE *stream)
+{
+    unsigned char bytes[6 * 8];
+    for (size_t i = 0; i < 6 * pixels; i += 6) {
+        for (size_t k = 0; k < 6; k++)
+            put_number(bytes + 8 * k, numbers[i + k]);
+        fwrite(bytes, sizeof bytes, 1, stream);
+    }
+}
+
+/* Whether they were all there. */
+static bool read_pixels(double *numbers, size_t pixels, FILE *stream)
+{
+    unsigned char bytes[6 * 8];
+    for (size_t i = 0; i < 6 * pixels; i += 6) {
+        if (!fread(bytes, sizeof bytes, 1, stream))
+            return false;
+        for (size_t k = 0; k < 6; k++)
+            numbers[i + k] = get_number(bytes + 8 * k);
+    }
+    return true;
+}
+
 void film_write(const Film *film, const char *file)
 {
     char temporary[OUTPUT_NAME];
@@ -143,7 +188,7 @@ void film_write(const Film *film, const char *file)
         w->image_height, w->x, w->y, w->width, w->height, film->layer_count);
     for (int k = 0; k < film->layer_count; k++) {
         fprintf(stream, "%d %llu\n", film->layers[k].level, (unsigned long long)film->layers[k].index);
-        fwrite(film->layers[k].pixels, 6 * sizeof(double), film_pixels(film), stream);
+        write_pixels(film->layers[k].pixels, film_pixels(film), stream);
     }
     output_close(stream, file, temporary);
 }
@@ -181,7 +226,7 @@ Film film_read(const char *file)
             die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
         layer.index = index;
         layer.pixels = allocate(film_pixels(&film), 6 * sizeof(double));
-        if (fread(layer.pixels, 6 * sizeof(double), film_pixels(&film), stream) != film_pixels(&film))
+        if (!read_pixels(layer.pixels, film_pixels(&film), stream))
             die("%s: the film ends early (layer %d of %d)", file, k + 1, layers);
         for (size_t i = 0; i < 6 * film_pixels(&film); i++)
             if (!(layer.pixels[i] >= 0 && layer.pixels[i] <= DBL_MAX))

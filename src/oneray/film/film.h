@@ -55,7 +55,8 @@ bool film_has_error(const Film *film); /* more than one sample, and independent 
    single sample and a black image. */
 double film_relative_error(const Film *film);
 
-/* A film in a file: a line of identity, then the layers, little-endian doubles. Errors end the program. */
+/* A film in a file: a line of identity, then the layers, little-endian doubles on every machine. Errors end the
+   program. */
 void film_write(const Film *film, const char *file);
 Film film_read(const char *file);
 

@@ -25,13 +25,6 @@ void picture_check_name(const char *file, double exposure)
         die("--exposure is of a .png: %s holds the radiance as it is", file);
 }
 
-/* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
-   points balance each other, so that it takes other seeds to know. The identity names the sampler. */
-bool film_has_error(const Film *film)
-{
-    return film_samples(film) > 1 && !strstr(film->identity, " --sampler sobol ");
-}
-
 /* "PF", size, the sign of the scale for the order of bytes, then rows from the bottom up. Debevec, PFM. */
 static void write_pfm(const Picture *picture, FILE *stream)
 {
@@ -54,8 +47,10 @@ static void write_png(const Picture *picture, double exposure, const char *file,
 {
     size_t numbers = 3 * (size_t)picture->window.width * (size_t)picture->window.height;
     png_bytep bytes = allocate(numbers, sizeof *bytes);
-    png_image image = {.version = PNG_IMAGE_VERSION, .format = PNG_FORMAT_RGB,
-        .width = (png_uint_32)picture->window.width, .height = (png_uint_32)picture->window.height};
+    png_image image = {.version = PNG_IMAGE_VERSION,
+        .format = PNG_FORMAT_RGB,
+        .width = (png_uint_32)picture->window.width,
+        .height = (png_uint_32)picture->window.height};
     for (size_t i = 0; i < numbers; i++)
         bytes[i] = srgb((double)picture->mean[i] * exp2(exposure));
     if (!png_image_write_to_stdio(&image, stream, 0, bytes, 0, NULL))

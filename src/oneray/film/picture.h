@@ -19,8 +19,8 @@ void picture_check_name(const char *file, double exposure);
 
 /* .exr (exr.c): float32 channels R G B and stderr.R/G/B. .pfm: float32, the mean. .png: the mean times
    2^exposure in sRGB, 8 bits. Errors end the program and leave no file. */
-void picture_write(const Film *film, double render_seconds, const char *kernel, double exposure,
-    const char *file);
+void picture_write(
+    const Film *film, double render_seconds, const char *kernel, double exposure, const char *file);
 
 void exr_write(const Picture *picture, const char *file);
 

@@ -11,8 +11,7 @@
 
 static const char *const has_words[] = {
 #define X(NAME, name, words) words,
-    KINDS(X)
-};
+    KINDS(X)};
 static const char *const use_words[] = {USES(X)};
 #undef X
 
@@ -68,7 +67,7 @@ static void print_stats(FILE *stream, const Options *options, const Render *r, c
     fprintf(stream, "{\n  \"version\": \"%s\",\n  \"scene\": ", ONERAY_VERSION);
     json_text(stream, options->scene);
     fprintf(stream, ",\n  \"kernel\": \"%s\",\n  \"precision\": \"%s\",\n  \"lanes\": %d,\n",
-        render_instance(r), kernel->precision, kernel->lanes);
+        instance_name(r), kernel->precision, kernel->lanes);
     if (*options->precision_reason)
         fprintf(stream, "  \"precision_chosen_for\": \"%s\",\n", options->precision_reason);
     Features f = kernel->features(r->prepared);

@@ -36,7 +36,7 @@ static Instance instance_for(Features wanted)
 enum { LESSON_PATHS = 1 << 17, LESSON_CELLS = 12 };
 #define LESSON_SEED 0x6c6573736f6eu
 
-static void take_lesson(Scene *scene, uint64_t samples)
+static void take_lesson(Scene *scene, size_t samples)
 {
     size_t pixels = (size_t)scene->width * (size_t)scene->height, row = (size_t)scene->width;
     double *radiance = allocate(row * samples, 3 * sizeof *radiance);
@@ -54,7 +54,7 @@ static void learn(Scene *scene)
     scene->lesson = &lesson;
     take_lesson(scene, 1);
     if (lesson.low[0] <= lesson.high[0]) {
-        uint64_t pixels = (uint64_t)scene->width * (uint64_t)scene->height;
+        size_t pixels = (size_t)scene->width * (size_t)scene->height;
         size_t numbers = lay_regions(&scene->emitters.tree, &lesson, LESSON_CELLS);
         lesson.bounds_only = 0;
         lesson.tested = allocate(numbers, sizeof *lesson.tested);

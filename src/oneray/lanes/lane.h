@@ -8,9 +8,14 @@
 #ifndef ONERAY_LANES_LANE_H
 #define ONERAY_LANES_LANE_H
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
+
+#if FLT_EVAL_METHOD != 0
+#error "numbers are computed with more digits than they have (FLT_EVAL_METHOD): -msse2 -mfpmath=sse is wanted on x86"
+#endif
 
 #ifndef LANES
 #define LANES 1
@@ -19,7 +24,7 @@
 #if LANES > 1 && defined(__SSE2__)
 #include <immintrin.h>
 #endif
-#if LANES == 1 && defined(__clang__)    /* & of two masks is meant, also of one lane each */
+#if LANES == 1 && defined(__clang__) && __clang_major__ >= 14 /* & of two masks is meant, also of one lane each */
 #pragma clang diagnostic ignored "-Wbitwise-instead-of-logical"
 #endif
 

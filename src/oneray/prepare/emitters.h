@@ -174,7 +174,7 @@ static void keep_emitters(Scene *scene)
 
 /* L4 The probability p_i of each light: 1/N, or in proportion to its power. Any p_i is valid as long as they
    sum to 1 and none is 0 whose light is not. */
-static void prepare_choice(Scene *scene, double *power, LightChoice choice)
+static void prepare_choice(Scene *scene, double *power, int choice)
 {
     Emitters *emitters = &scene->emitters;
     double total = 0;

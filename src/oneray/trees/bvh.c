@@ -76,7 +76,7 @@ static void try_axis(const Build *build, const Part *part, int axis, float low, 
 {
     Box boxes[BINS], box = nothing;
     int counts[BINS] = {0}, count = 0;
-    float scale = BINS / (high - low), right[BINS] = {0};
+    float scale = (float)BINS / (high - low), right[BINS] = {0};
     for (int b = 0; b < BINS; b++)
         boxes[b] = nothing;
     for (int i = part->first; i < part->first + part->count; i++) {

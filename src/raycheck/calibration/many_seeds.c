@@ -29,7 +29,7 @@ int main(int count, char **words)
     while (scanf("%" SCNu64 " %" SCNu64, &options.spp, &options.seed) == 2) {
         Render r = {.options = &options, .scene = scene, .kernel = kernel, .prepared = prepared};
         r.film.window = (Window){width, height, 0, 0, width, height};
-        render(&r);
+        render_image(&r);
         film_estimate(&r.film, mean, error);
         if (fwrite(mean, sizeof *mean, numbers, stdout) != numbers)
             die("the images cannot be written");

@@ -69,10 +69,10 @@ def _defined(head: str) -> re.Match[str] | None:
 
 def find(folder: Path, name: str) -> Function:
     """The one definition in the sources below a folder; NotFound where there is none, or more than one."""
-    paths = sorted((*folder.glob("*.h"), *folder.glob("*.c")))
+    paths = sorted((*folder.rglob("*.h"), *folder.rglob("*.c")))
     found = [f for p in paths for f in functions(p, p.read_text(encoding="utf-8")) if f.name == name]
     if len(found) != 1:
-        places = ", ".join(f"{f.path.name}:{f.line}" for f in found)
+        places = ", ".join(f"{f.path.relative_to(folder)}:{f.line}" for f in found)
         what = f"is defined {len(found)} times: {places}" if found else "is defined nowhere"
         raise NotFound(f"the function {name!r} {what} in {folder}; name one that is there once")
     return found[0]

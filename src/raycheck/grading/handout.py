@@ -123,13 +123,13 @@ def _copy_scenes(assignment: Assignment, folder: Path) -> None:
 
 
 def _readme(assignment: Assignment, left: Sequence[Function]) -> str:
-    by_name = {function.name: function for function in left}
+    place = {f.name: f.path.as_posix().rpartition(f"/{SOURCES}/")[2] for f in left}
     rows, seen = [], set()
     for task in assignment.tasks:
         new = [name for name in task.functions if name not in seen]
         older = [name for name in task.functions if name in seen]
         seen.update(new)
-        places = ", ".join(f"`{n}` ({SOURCES / by_name[n].path.name})" for n in new)
+        places = ", ".join(f"`{n}` ({SOURCES / place[n]})" for n in new)
         places = places or ("" if older else "done already")
         needs = ", ".join(f"`{n}`" for n in older)
         rows.append(f"| {task.id} | {task.title} | {places} | {needs} | {', '.join(task.scenes)} |")
@@ -147,8 +147,8 @@ make, pkg-config and the libraries expat, OpenEXR and libpng.
 {table}
 
 oneray takes several paths along at a time: a `Real` has a number for each of them, a `Mask` a yes or no, and
-`select(mask, a, b)` is what `mask ? a : b` is for one ({SOURCES / "lane.h"}). Hand in this folder without
-`build`.
+`select(mask, a, b)` is what `mask ? a : b` is for one ({SOURCES / "lanes/lane.h"}). Hand in this folder
+without `build`.
 """
 
 
