@@ -1,7 +1,6 @@
 /* What a scene file may say of a plugin: a table of fields, by which one reader (scene/values.c) fills the plugin's
    struct, and a function that checks what the fields demand of each other. */
-#ifndef ONERAY_FIELDS_H
-#define ONERAY_FIELDS_H
+#pragma once
 
 #include "message.h"
 
@@ -69,5 +68,3 @@ static inline const Place *given(const Said *said, const char *field)
             return &said->place[i];
     return NULL;
 }
-
-#endif

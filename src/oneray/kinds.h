@@ -7,8 +7,7 @@
    A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
    what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
    ask of it (traits.h). What follows #ifdef LANES is the kernels'. */
-#ifndef ONERAY_KINDS_H
-#define ONERAY_KINDS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -123,5 +122,3 @@ USES(X)
 
 /* Is only one kind of a list in the mask? Then there is nothing to choose. */
 #define IS_ONE(bits) (((bits) & ((bits) - 1)) == 0)
-
-#endif

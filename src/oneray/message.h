@@ -1,6 +1,5 @@
 /* Errors and warnings: one line on standard error; an error ends the program with exit status 2. */
-#ifndef ONERAY_MESSAGE_H
-#define ONERAY_MESSAGE_H
+#pragma once
 
 #if defined(__GNUC__)
 #define PRINTF_LIKE(text, first) __attribute__((format(printf, text, first)))
@@ -36,5 +35,3 @@ void *reallocate(void *block, size_t count, size_t size);
 
 /* Rows with room for one more behind the first `count`; the room doubles. */
 void *room_for(void *rows, int count, size_t size);
-
-#endif

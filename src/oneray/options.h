@@ -1,6 +1,5 @@
 /* The command line. */
-#ifndef ONERAY_OPTIONS_H
-#define ONERAY_OPTIONS_H
+#pragma once
 
 #include "kernel/kernel.h"
 #include "scene/description.h"
@@ -49,5 +48,3 @@ const Kernel *options_kernel(const Options *options);
 /* The technique in words of the command line, "--estimator mis --hemisphere cosine …", at most size
    characters. */
 void options_technique(const Technique *technique, char *text, int size);
-
-#endif

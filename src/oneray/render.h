@@ -1,6 +1,5 @@
 /* The render loop: samples in blocks, from the kernel to the film. */
-#ifndef ONERAY_RENDER_H
-#define ONERAY_RENDER_H
+#pragma once
 
 #include "film/film.h"
 #include "kernel/kernel.h"
@@ -36,5 +35,3 @@ const char *instance_name(const Render *r);
 /* Renders options' samples of the prepared scene into the film, which has its window and identity. A sample that
    is no radiance, or a path without end, ends the program with its place. */
 void render_image(Render *r);
-
-#endif

@@ -1,6 +1,5 @@
 /* What the command line selects: the lecture's techniques, L1 to L19. */
-#ifndef ONERAY_TECHNIQUE_H
-#define ONERAY_TECHNIQUE_H
+#pragma once
 
 #include "kinds.h"
 
@@ -74,5 +73,3 @@ typedef struct {
     int fresnel;
     int sampler;
 } Technique;
-
-#endif

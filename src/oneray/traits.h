@@ -1,6 +1,5 @@
 /* What is asked of a material, an emitter or a sensor of any kind: NAME_traits of the kind's file answers. */
-#ifndef ONERAY_TRAITS_H
-#define ONERAY_TRAITS_H
+#pragma once
 
 #include <stdbool.h>
 
@@ -31,5 +30,3 @@ typedef struct {
     double farthest; /* that it sees */
     double pixel;    /* its least angle, radians */
 } SensorTraits;
-
-#endif

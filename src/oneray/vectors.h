@@ -1,6 +1,5 @@
 /* Points, directions and affine matrices in plain doubles, as scene files and meshes have them. */
-#ifndef ONERAY_VECTORS_H
-#define ONERAY_VECTORS_H
+#pragma once
 
 #include <math.h>
 
@@ -100,5 +99,3 @@ static inline double affine_uniform_scale(const Affine *a, double tolerance)
         }
     return scale;
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Included before every source file that a fuzz target is made of (-include): an error ends the input, not the
    program, and all that the input left in memory is freed. */
-#ifndef FUZZ_HARNESS_H
-#define FUZZ_HARNESS_H
+#pragma once
 
 #include <expat.h>
 #include <stdint.h>
@@ -29,5 +28,3 @@ extern FILE *fuzz_messages; /* goes nowhere */
 #define XML_ParserCreate fuzz_parser
 #undef stderr
 #define stderr fuzz_messages
-
-#endif

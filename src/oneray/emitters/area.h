@@ -1,6 +1,5 @@
 /* A shape that shines, all its surface alike, on the side of the normal. */
-#ifndef ONERAY_EMITTERS_AREA_H
-#define ONERAY_EMITTERS_AREA_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -174,5 +173,4 @@ INLINE FirstRay area_emit(const Emitters *emitters, Index i, const Real place[2]
         point, d, index_of_light(emitters->slot, i, f), REAL_PI * of_light(emitters->area, i, f)};
 }
 
-#endif
 #endif

@@ -1,7 +1,6 @@
 /* L4, L6, L18 One of N lights: light i with probability p_i, its contribution divided by p_i. Any p_i is valid
    as long as they sum to 1 and none is 0 whose light contributes. */
-#ifndef ONERAY_EMITTERS_CHOICE_H
-#define ONERAY_EMITTERS_CHOICE_H
+#pragma once
 
 #include "emitters/towards.h"
 
@@ -143,5 +142,3 @@ INLINE LightSample sample_light(
     Index i = choose_light(emitters, at, choice[0], choice[1], &inverse_choice, f);
     return sample_light_point(emitters, i, inverse_choice, at, point[0], point[1], f);
 }
-
-#endif

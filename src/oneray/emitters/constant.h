@@ -1,6 +1,5 @@
 /* Light from all around, alike in all directions. */
-#ifndef ONERAY_EMITTERS_CONSTANT_H
-#define ONERAY_EMITTERS_CONSTANT_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -61,5 +60,4 @@ INLINE FirstRay constant_emit(const Emitters *emitters, Index i, const Real plac
     return from_far_away(emitters, sample_sphere(way[0], way[1]), place, flux / pdf_w_sphere());
 }
 
-#endif
 #endif

@@ -1,6 +1,5 @@
 /* Light from afar, all of it along one direction: +z of its own space. */
-#ifndef ONERAY_EMITTERS_DIRECTIONAL_H
-#define ONERAY_EMITTERS_DIRECTIONAL_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -71,5 +70,4 @@ INLINE FirstRay directional_emit(const Emitters *emitters, Index i, const Real p
     return from_far_away(emitters, vec_of_light(emitters->edge_x, i, f), place, REAL_PI * radius * radius);
 }
 
-#endif
 #endif

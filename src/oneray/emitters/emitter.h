@@ -11,8 +11,7 @@
      name_radiance       what it meets there
      name_pdf_w          the density of name_towards.
    towards.h and emit.h choose between them, choice.h between lights. */
-#ifndef ONERAY_EMITTERS_EMITTER_H
-#define ONERAY_EMITTERS_EMITTER_H
+#pragma once
 
 #include "traits.h"
 #include "lanes/light.h"
@@ -174,5 +173,3 @@ INLINE FirstRay from_far_away(const Emitters *emitters, Vec d, const Real place[
     Vec across = vec_from_frame(d, vec(x * radius, y * radius, -radius));
     return (FirstRay){vec_add(vec_of(emitters->world_center), across), d, index_of(-1), flux};
 }
-
-#endif

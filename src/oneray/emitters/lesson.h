@@ -1,8 +1,7 @@
 /* L18 Learning which lights are seen from where, in a short pre-pass with samples of its own. What was learned
    is then frozen: the picture stays unbiased and the same in every split. Counts are whole numbers, so the
    order of the paths does not matter. */
-#ifndef ONERAY_EMITTERS_LESSON_H
-#define ONERAY_EMITTERS_LESSON_H
+#pragma once
 
 #include "emitters/choice.h"
 
@@ -71,5 +70,3 @@ static inline double learned_share(uint32_t seen, uint32_t tested)
     return tested ? (seen + 0.5) / (tested + 1.0) : 1;
 }
 #define LEARNED_UNIFORM_SHARE 0.001 /* what stays for lights that never were seen */
-
-#endif

@@ -1,6 +1,5 @@
 /* A light in a point, alike in all directions. */
-#ifndef ONERAY_EMITTERS_POINT_H
-#define ONERAY_EMITTERS_POINT_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -55,5 +54,4 @@ INLINE FirstRay point_emit(const Emitters *emitters, Index i, const Real place[2
         real(1) / pdf_w_sphere()};
 }
 
-#endif
 #endif

@@ -1,6 +1,5 @@
 /* L5 Rectangles by solid angle. */
-#ifndef ONERAY_EMITTERS_RECTANGLE_LIGHT_H
-#define ONERAY_EMITTERS_RECTANGLE_LIGHT_H
+#pragma once
 
 #include "emitters/emitter.h"
 
@@ -97,5 +96,3 @@ INLINE Vec point_of_rectangle(
         vec_add(vec_scale(vec_of_light(emitters->edge_x, i, f), x),
             vec_scale(vec_of_light(emitters->edge_y, i, f), y)));
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* L5 Spherical lights: the half that faces a point, and the cone that they fill. */
-#ifndef ONERAY_EMITTERS_SPHERE_LIGHT_H
-#define ONERAY_EMITTERS_SPHERE_LIGHT_H
+#pragma once
 
 #include "emitters/emitter.h"
 
@@ -93,5 +92,3 @@ INLINE Mask sample_sphere_cone(const Emitters *emitters, Index i, const Receiver
     s->distance = select(view->outside, (d - radius) * (d + radius) / (d * cosine + root), s->distance);
     return meets;
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* A light in a point that shines into a cone along +z of its own space: with all its intensity up to an angle of
    beam_width from the axis, from there less and less, and not at all beyond cutoff_angle. */
-#ifndef ONERAY_EMITTERS_SPOT_H
-#define ONERAY_EMITTERS_SPOT_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -101,5 +100,4 @@ INLINE FirstRay spot_emit(const Emitters *emitters, Index i, const Real place[2]
     return (FirstRay){vec_of_light(emitters->position, i, f), d, index_of(-1), falloff / pdf_w_cone(extent)};
 }
 
-#endif
 #endif

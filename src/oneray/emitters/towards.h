@@ -1,6 +1,5 @@
 /* One ray to a light, or from it, whatever its kind. */
-#ifndef ONERAY_EMITTERS_TOWARDS_H
-#define ONERAY_EMITTERS_TOWARDS_H
+#pragma once
 
 #include "kinds/emitters.h"
 
@@ -50,5 +49,3 @@ INLINE FirstRay sample_first_ray(const Emitters *emitters, Index i, const Real p
 #undef X
     return ray;
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* L7, L12 Light that a path meets by itself. */
-#ifndef ONERAY_ESTIMATORS_EMISSION_H
-#define ONERAY_ESTIMATORS_EMISSION_H
+#pragma once
 
 #include "estimators/mis.h"
 
@@ -63,5 +62,3 @@ INLINE Light emission_met(const Path *path, const Scene *scene, Hit hit, const S
         light = light_only(path->depth > index_of(0), light);
     return light;
 }
-
-#endif

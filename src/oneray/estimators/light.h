@@ -1,8 +1,7 @@
 /* L17 Light tracing: the random walk from the light to the camera. Each path carries flux (W) from a light
    point; each of its vertices is joined to the eye, which is a specular vertex too: nothing that the path does
    by itself would ever hit it. For the same reason a mirror or glass in the picture cannot be served. */
-#ifndef ONERAY_ESTIMATORS_LIGHT_H
-#define ONERAY_ESTIMATORS_LIGHT_H
+#pragma once
 
 #include "kernel/kernel.h"
 #include "message.h"
@@ -86,5 +85,3 @@ STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[],
     if (f.has & HAS_SMOOTH)
         path->flux = light_scale(path->flux, face_over_shading(&surface, path->ray.d));
 }
-
-#endif

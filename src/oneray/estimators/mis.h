@@ -1,6 +1,5 @@
 /* L13 Multiple importance sampling, and with it L10 to L12: how much of the light that a ray has hit counts. */
-#ifndef ONERAY_ESTIMATORS_MIS_H
-#define ONERAY_ESTIMATORS_MIS_H
+#pragma once
 
 #include "estimators/roulette.h"
 
@@ -47,5 +46,3 @@ INLINE Real pdf_w_bounce(const Path *path, const Scene *scene, const Evaluation 
         return at->pdf_w;
     return at->pdf_w * survival(scene, light_mul(path->throughput, at->factor), path->depth + 1, f);
 }
-
-#endif

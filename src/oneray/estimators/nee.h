@@ -1,6 +1,5 @@
 /* L10 Next event estimation. */
-#ifndef ONERAY_ESTIMATORS_NEE_H
-#define ONERAY_ESTIMATORS_NEE_H
+#pragma once
 
 #include "estimators/mis.h"
 #include "media/medium.h"
@@ -50,5 +49,3 @@ STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask act
     if ((f.use & USE_LEARNED) && scene->lesson)
         learn_visibility(scene->lesson, &scene->emitters.tree, s->p, sample.emitter, active, arrives);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* A path, one a lane, and how it starts. */
-#ifndef ONERAY_ESTIMATORS_PATH_H
-#define ONERAY_ESTIMATORS_PATH_H
+#pragma once
 
 #include "estimators/surface.h"
 #include "prepare/scene.h"
@@ -63,5 +62,3 @@ INLINE Light path_weight(const Path *path, Features f)
 {
     return f.has & TRANSMITTING ? light_scale(path->throughput, path->compression) : path->throughput;
 }
-
-#endif

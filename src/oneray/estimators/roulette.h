@@ -1,6 +1,5 @@
 /* L14 Russian roulette. */
-#ifndef ONERAY_ESTIMATORS_ROULETTE_H
-#define ONERAY_ESTIMATORS_ROULETTE_H
+#pragma once
 
 #include "estimators/path.h"
 
@@ -26,5 +25,3 @@ INLINE void play_roulette(Path *path, const Scene *scene, Features f)
     if (f.use & USE_SURVIVAL_PDF)
         path->pdf_w = path->pdf_w * q;
 }
-
-#endif

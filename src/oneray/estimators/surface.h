@@ -1,6 +1,5 @@
 /* The surface that a ray meets, whatever its shape and material. */
-#ifndef ONERAY_ESTIMATORS_SURFACE_H
-#define ONERAY_ESTIMATORS_SURFACE_H
+#pragma once
 
 #include "materials/scatter.h"
 #include "shapes/meet.h"
@@ -60,5 +59,3 @@ static inline void keep_vertex(
         vertices->count[lane] = at + 1;
     }
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* L7 The random walk, and what the lecture adds to it: path_step takes every lane along by one ray. */
-#ifndef ONERAY_ESTIMATORS_WALK_H
-#define ONERAY_ESTIMATORS_WALK_H
+#pragma once
 
 #include "estimators/emission.h"
 #include "estimators/nee.h"
@@ -70,5 +69,3 @@ STAGE void path_step(Path *path, const Scene *scene, Features f)
         next_event(path, scene, &surface, and_not(path->alive, surface.delta), choice.u, random.u, f);
     bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
 }
-
-#endif

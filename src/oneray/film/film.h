@@ -5,8 +5,7 @@
    index·2^level … (index+1)·2^level - 1. A film holds the fewest nodes ("layers") that make up its range of
    samples, so it does not matter in which pieces the range was rendered or in which order they were merged:
    the bits are the same. */
-#ifndef ONERAY_FILM_FILM_H
-#define ONERAY_FILM_FILM_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -67,5 +66,3 @@ void film_collect(Film *film, Film *from, const char *name);
 void film_close(Film *film);
 
 void film_free(Film *film);
-
-#endif

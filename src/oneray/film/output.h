@@ -1,7 +1,6 @@
 /* Output files appear whole or not at all: written under a temporary name in the same folder, then
    renamed. */
-#ifndef ONERAY_FILM_OUTPUT_H
-#define ONERAY_FILM_OUTPUT_H
+#pragma once
 
 #include <stdio.h>
 
@@ -19,5 +18,3 @@ void output_close(FILE *stream, const char *file, const char *temporary);
 void output_done(const char *file, const char *temporary); /* syncs it and gives it its name */
 void output_failed(const char *file)
     __attribute__((noreturn)); /* "FILE: cannot be written: reason" from errno */
-
-#endif

@@ -1,6 +1,5 @@
 /* Pictures: what a film says of each pixel, as a file of the kind that its name ends with. */
-#ifndef ONERAY_FILM_PICTURE_H
-#define ONERAY_FILM_PICTURE_H
+#pragma once
 
 #include "film/film.h"
 
@@ -23,5 +22,3 @@ void picture_write(
     const Film *film, double render_seconds, const char *kernel, double exposure, const char *file);
 
 void exr_write(const Picture *picture, const char *file);
-
-#endif

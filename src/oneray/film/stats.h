@@ -1,6 +1,5 @@
 /* The figures of a render, as JSON. */
-#ifndef ONERAY_FILM_STATS_H
-#define ONERAY_FILM_STATS_H
+#pragma once
 
 #include "render.h"
 
@@ -10,5 +9,3 @@ typedef struct {
 
 /* Into the file that options->stats names; "-" is standard output. Errors end the program. */
 void stats_write(const Options *options, const Render *render, const Seconds *seconds);
-
-#endif

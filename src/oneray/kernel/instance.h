@@ -1,6 +1,5 @@
 /* Instances of the tracer: the same sources compiled for a set of features, what is not in the set folds away. */
-#ifndef ONERAY_KERNEL_INSTANCE_H
-#define ONERAY_KERNEL_INSTANCE_H
+#pragma once
 
 #include "kernel/kernel.h"
 #include "prepare/scene.h"
@@ -18,6 +17,4 @@ typedef struct {
 
 #ifdef INSTANCES
 extern const Instance INSTANCES[]; /* those of these lanes and this precision, the leanest first */
-#endif
-
 #endif

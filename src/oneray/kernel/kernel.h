@@ -1,6 +1,5 @@
 /* A kernel: the tracer compiled for one precision and one number of lanes. What main knows of it. */
-#ifndef ONERAY_KERNEL_KERNEL_H
-#define ONERAY_KERNEL_KERNEL_H
+#pragma once
 
 #include "scene/description.h"
 #include "technique.h"
@@ -55,5 +54,3 @@ const Kernel *kernel_find(const char *precision, int lanes);
 /* All that were built, whether or not they run here; NULL at the end. */
 const Kernel *kernel_built(int i);
 int kernel_runs(const Kernel *kernel);
-
-#endif

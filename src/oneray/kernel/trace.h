@@ -1,6 +1,5 @@
 /* The kernel's loop: the samples of a job as paths, W at a time. */
-#ifndef ONERAY_KERNEL_TRACE_H
-#define ONERAY_KERNEL_TRACE_H
+#pragma once
 
 #include "kernel/instance.h"
 #include "estimators/light.h"
@@ -122,5 +121,3 @@ INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Featur
         counters->shadow_rays += (uint64_t)llabs((long long)LANE(path.shadow_rays, lane));
     }
 }
-
-#endif

@@ -5,8 +5,7 @@
    With W = 1 a Real is a plain number and any C99 compiler will do; else it is the vector type that gcc and
    clang share. Every operation here is exact or correctly rounded, or a fixed sequence of such, and
    contraction is off: a lane's bits depend neither on W nor on the compiler nor on the processor. */
-#ifndef ONERAY_LANES_LANE_H
-#define ONERAY_LANES_LANE_H
+#pragma once
 
 #include <float.h>
 #include <math.h>
@@ -376,5 +375,3 @@ STAGE Real angle_of(Real y, Real x)
     angle = select(y > a, real(1.57079632679489661923) - angle, angle);
     return select(x < real(0), REAL_PI - angle, angle);
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Light: what is radiance, flux, throughput or reflectance, by channel. No direction and no point is one, and what
    is done with channels is done here alone. */
-#ifndef ONERAY_LANES_LIGHT_H
-#define ONERAY_LANES_LIGHT_H
+#pragma once
 
 #include "lanes/lane.h"
 
@@ -38,5 +37,3 @@ INLINE void light_lane(const Light *a, int lane, double to[3])
     to[2] = (double)LANE(a->b, lane);
     (void)lane;
 }
-
-#endif

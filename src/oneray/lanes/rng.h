@@ -4,8 +4,7 @@
    Philox4x32 with 7 rounds, the fewest that pass BigCrush: Salmon, Moraes, Dror, Shaw, Parallel Random
    Numbers: As Easy as 1, 2, 3, SC 2011. The counter is (dimension, sample low, pixel, sample high), the key
    is the seed. */
-#ifndef ONERAY_LANES_RNG_H
-#define ONERAY_LANES_RNG_H
+#pragma once
 
 #include "lanes/vec.h"
 
@@ -77,5 +76,3 @@ STAGE Uniforms rng_block(const Rng *rng, Index vertex, int dimension)
     philox((Bits)(vertex * 2 + dimension), rng->sample_low, rng->pixel, rng->sample_high, rng->key, word);
     return (Uniforms){{uniform_of(word[0]), uniform_of(word[1]), uniform_of(word[2]), uniform_of(word[3])}};
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Sampling routines: each sample_x turns uniform numbers into a point or direction, each pdf_x beside it is
    its density, per solid angle (pdf_w, sr⁻¹) or per area (pdf_a, m⁻²). */
-#ifndef ONERAY_LANES_SAMPLE_H
-#define ONERAY_LANES_SAMPLE_H
+#pragma once
 
 #include "lanes/sampler.h"
 
@@ -64,5 +63,3 @@ INLINE void sample_triangle(Real u, Real v, Real *x, Real *y)
     *x = real(2 / 3.0) - root;
     *y = v * root - real(1 / 3.0);
 }
-
-#endif

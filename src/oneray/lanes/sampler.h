@@ -11,8 +11,7 @@
    Bits are kept in reverse, the first digit lowest, where sums and products carry from earlier digits to later
    ones alone: any sequence of them is such a scramble (Burley, Practical Hash-based Owen Scrambling, JCGT 9(4),
    2020). */
-#ifndef ONERAY_LANES_SAMPLER_H
-#define ONERAY_LANES_SAMPLER_H
+#pragma once
 
 #include "lanes/rng.h"
 #include "technique.h"
@@ -88,5 +87,3 @@ STAGE Uniforms random_block(const Rng *rng, Index vertex, int dimension, Feature
 {
     return f.use & USE_SOBOL ? sobol_block(rng, vertex, dimension) : rng_block(rng, vertex, dimension);
 }
-
-#endif

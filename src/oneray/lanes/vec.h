@@ -1,6 +1,5 @@
 /* Vectors: directions and points of three Reals, by value. */
-#ifndef ONERAY_LANES_VEC_H
-#define ONERAY_LANES_VEC_H
+#pragma once
 
 #include "lanes/lane.h"
 
@@ -69,5 +68,3 @@ INLINE Vec vec_from_frame(Vec n, Vec local)
     vec_frame(n, &s, &t);
     return vec_add(vec_add(vec_scale(s, local.x), vec_scale(t, local.y)), vec_scale(n, local.z));
 }
-
-#endif

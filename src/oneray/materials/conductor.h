@@ -1,6 +1,5 @@
 /* L11 Conductor: a smooth mirror, perfect or of metal, on the side of the normal. */
-#ifndef ONERAY_MATERIALS_CONDUCTOR_H
-#define ONERAY_MATERIALS_CONDUCTOR_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -88,5 +87,4 @@ INLINE Scatter conductor_sample(
     return scatter;
 }
 
-#endif
 #endif

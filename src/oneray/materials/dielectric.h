@@ -1,6 +1,5 @@
 /* L15 Dielectric: the smooth boundary between two media, which reflects and refracts. */
-#ifndef ONERAY_MATERIALS_DIELECTRIC_H
-#define ONERAY_MATERIALS_DIELECTRIC_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -96,5 +95,4 @@ INLINE Scatter dielectric_sample(
         select(reflects, real(1), ratio * ratio)};
 }
 
-#endif
 #endif

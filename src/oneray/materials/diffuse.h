@@ -1,6 +1,5 @@
 /* L7 Diffuse: light goes on alike in all directions, f_r = reflectance/π (sr⁻¹), on the side of the normal. */
-#ifndef ONERAY_MATERIALS_DIFFUSE_H
-#define ONERAY_MATERIALS_DIFFUSE_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -70,5 +69,4 @@ INLINE Scatter diffuse_sample(
         diffuse_pdf_w(materials, part, s, wi, local.z, f), mask_none(), real(1)};
 }
 
-#endif
 #endif

@@ -10,8 +10,7 @@
      name_pdf_w          the density per solid angle of name_sample (sr⁻¹)
      name_factor         f_r cosθ / pdf_w, in the form that is simplest.
    scatter.h chooses between them. */
-#ifndef ONERAY_MATERIALS_MATERIAL_H
-#define ONERAY_MATERIALS_MATERIAL_H
+#pragma once
 
 #include "lanes/light.h"
 #include "lanes/sample.h"
@@ -68,5 +67,3 @@ typedef struct {
 } Scatter;
 
 INLINE Vec mirrored(const Surface *s) { return vec_sub(vec_scale(s->n, real(2) * s->cos_o), s->wo); }
-
-#endif

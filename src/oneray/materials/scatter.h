@@ -1,6 +1,5 @@
 /* What a surface does with light, whatever its material: the choice between the kinds, and L16 mixed materials. */
-#ifndef ONERAY_MATERIALS_SCATTER_H
-#define ONERAY_MATERIALS_SCATTER_H
+#pragma once
 
 #include "kinds/materials.h"
 
@@ -169,5 +168,3 @@ STAGE Scatter sample_material(
     }
     return out;
 }
-
-#endif

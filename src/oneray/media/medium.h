@@ -1,7 +1,6 @@
 /* What media between surfaces do to light. There is no kind of medium yet: the list MEDIA of kinds.h is empty, and with it
    all that asks for one. media/NAME.h defines name_transmittance. */
-#ifndef ONERAY_MEDIA_MEDIUM_H
-#define ONERAY_MEDIA_MEDIUM_H
+#pragma once
 
 #include "kinds/media.h"
 #include "lanes/light.h"
@@ -19,5 +18,3 @@ INLINE Light transmittance(const Ray *ray, Features f)
 #undef X
     return share;
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Triangle meshes as a scene has them: the readers of PLY and OBJ files, and what becomes of a mesh before it
    is rendered. */
-#ifndef ONERAY_MESHES_MESH_H
-#define ONERAY_MESHES_MESH_H
+#pragma once
 
 #include "message.h"
 #include "vectors.h"
@@ -48,5 +47,3 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
 /* Puts the mesh behind those that are there, and empties it. */
 void mesh_append(Mesh *all, Mesh *mesh);
 void mesh_free(Mesh *mesh);
-
-#endif

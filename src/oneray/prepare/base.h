@@ -1,6 +1,5 @@
 /* What all of prepare/ uses: room that lives as long as the scene. */
-#ifndef ONERAY_PREPARE_BASE_H
-#define ONERAY_PREPARE_BASE_H
+#pragma once
 
 #include "message.h"
 #include "prepare/scene.h"
@@ -14,6 +13,3 @@ static void *keep(Scene *scene, size_t count, size_t size)
     scene->kept = reallocate(scene->kept, (size_t)scene->kept_count + 1, sizeof *scene->kept);
     return scene->kept[scene->kept_count++] = allocate(count + (3 * sizeof(Num) + size - 1) / size, size);
 }
-
-
-#endif

@@ -1,6 +1,5 @@
 /* From a Description to a kernel's Scene: the tree of lights, which the choice by contribution walks down. */
-#ifndef ONERAY_PREPARE_EMITTER_TREE_H
-#define ONERAY_PREPARE_EMITTER_TREE_H
+#pragma once
 
 #include "prepare/shapes.h"
 
@@ -136,5 +135,3 @@ static void prepare_tree(Scene *scene)
     free(leaves);
     free(branches);
 }
-
-#endif

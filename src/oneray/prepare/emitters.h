@@ -1,6 +1,5 @@
 /* From a Description to a kernel's Scene, the lights: their tables, and the tree of them. */
-#ifndef ONERAY_PREPARE_EMITTERS_H
-#define ONERAY_PREPARE_EMITTERS_H
+#pragma once
 
 #include "prepare/emitter_tree.h"
 
@@ -221,5 +220,3 @@ static void prepare_emitters(
         prepare_choice(scene, power, technique->light_choice);
     free(power);
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* From a Description to a kernel's Scene, the materials: a row for each side of each slot, and for each further
    part of a blend. */
-#ifndef ONERAY_PREPARE_MATERIALS_H
-#define ONERAY_PREPARE_MATERIALS_H
+#pragma once
 
 #include "prepare/shapes.h"
 
@@ -170,5 +169,3 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
             more = set_rows(m, d, 2 * first_slot[i] + row, more,
                 row % 2 ? d->shapes[i].back : d->shapes[i].front, row % 2);
 }
-
-#endif

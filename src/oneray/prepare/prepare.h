@@ -1,6 +1,5 @@
 /* From a Description to a kernel's Scene: tables in the kernel's precision, computed in double. */
-#ifndef ONERAY_PREPARE_PREPARE_H
-#define ONERAY_PREPARE_PREPARE_H
+#pragma once
 
 #include "kernel/kernel.h"
 #include "prepare/emitters.h"
@@ -122,5 +121,3 @@ static void release(void *prepared)
     free(scene->kept);
     free(scene);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* A scene as a kernel wants it: tables in the kernel's precision, only of what the scene has. */
-#ifndef ONERAY_PREPARE_SCENE_H
-#define ONERAY_PREPARE_SCENE_H
+#pragma once
 
 #include "sensors/sensor.h"
 #include "emitters/lesson.h"
@@ -18,6 +17,3 @@ typedef struct {
     void **kept; /* every table above, to be freed */
     int kept_count;
 } Scene;
-
-
-#endif

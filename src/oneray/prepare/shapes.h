@@ -1,6 +1,5 @@
 /* From a Description to a kernel's Scene, the shapes: tables in the kernel's precision, computed in double. */
-#ifndef ONERAY_PREPARE_SHAPES_H
-#define ONERAY_PREPARE_SHAPES_H
+#pragma once
 
 #include "prepare/triangles.h"
 
@@ -186,5 +185,3 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
     if (scene->features.has & HAS_TREE)
         prepare_shape_tree(scene, d, first_slot);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* From a Description to a kernel's Scene: the triangles, and the trees of them and of other shapes. */
-#ifndef ONERAY_PREPARE_TRIANGLES_H
-#define ONERAY_PREPARE_TRIANGLES_H
+#pragma once
 
 #include "prepare/base.h"
 
@@ -207,5 +206,3 @@ static void prepare_shape_tree(Scene *scene, const Description *d, const int *fi
     free(of_leaf);
     bvh_free(&bvh);
 }
-
-#endif

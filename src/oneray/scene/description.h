@@ -1,7 +1,6 @@
 /* A scene as its file says it: plain doubles, no lanes. scene/build.c reads it, prepare/ makes a kernel's tables of it.
    Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
-#ifndef ONERAY_SCENE_DESCRIPTION_H
-#define ONERAY_SCENE_DESCRIPTION_H
+#pragma once
 
 #include "kinds.h"
 #include "kinds/emitters.h"
@@ -102,5 +101,3 @@ int shape_planes(ShapeKind kind);
 bool emitter_has_power(const Emitter *emitter);
 /* The box around all shapes; 0 without any. */
 void scene_bounds(const Description *d, double low[3], double high[3]);
-
-#endif

@@ -1,6 +1,5 @@
 /* Which precision a scene needs. */
-#ifndef ONERAY_SCENE_PRECISION_H
-#define ONERAY_SCENE_PRECISION_H
+#pragma once
 
 #include "scene/description.h"
 
@@ -10,5 +9,3 @@ const char *precision_for(const Description *scene, char *reason, int size);
 
 /* Ends the program if the scene has numbers that single precision cannot hold, or whose squares it cannot. */
 void refuse_beyond_single(const Description *scene, const char *file);
-
-#endif

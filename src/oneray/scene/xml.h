@@ -1,7 +1,6 @@
 /* A scene file as a tree of elements, each with its line (xml.c), the reading of their properties by a table of fields
    (values.c), and from there to a Description (build.c). */
-#ifndef ONERAY_SCENE_XML_H
-#define ONERAY_SCENE_XML_H
+#pragma once
 
 #include "fields.h"
 #include "scene/description.h"
@@ -50,5 +49,3 @@ const char *find_word(const char *list, const char *word);    /* in "some words 
 /* Fills `to` by the table with the element's properties, and `said` with where they are. A child that is neither a
    property of the table nor one of the objects, a list of tags such as "bsdf ref", is an error. */
 void read_fields(const Node *node, const Field *fields, const char *objects, void *to, Said *said);
-
-#endif

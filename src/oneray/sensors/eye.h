@@ -1,7 +1,6 @@
 /* What the files of sensors define in a kernel: NameRow and name_row, its numbers and how they come about; name_ray,
    where a path starts; name_eye, where one from a light ends. sensor.h chooses between them. */
-#ifndef ONERAY_SENSORS_EYE_H
-#define ONERAY_SENSORS_EYE_H
+#pragma once
 
 #include "shapes/shape.h"
 
@@ -15,5 +14,3 @@ typedef struct {
     Real weight;  /* mean radiance of the image per flux arriving, over the receiver's cosine: a pixel sees
                      dΩ = cos³θ dA_film at distance 1, a surface dΩ cos/d² of it: 1/(d² cos³θ A_film), m⁻²·sr⁻¹ */
 } Eye;
-
-#endif

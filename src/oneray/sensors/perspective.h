@@ -1,6 +1,5 @@
 /* The pinhole camera. */
-#ifndef ONERAY_SENSORS_PERSPECTIVE_H
-#define ONERAY_SENSORS_PERSPECTIVE_H
+#pragma once
 
 #include "fields.h"
 #include "traits.h"
@@ -136,7 +135,5 @@ INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p)
                & (b > real(-1)) & (b <= real(1));
     return eye;
 }
-
-#endif
 
 #endif

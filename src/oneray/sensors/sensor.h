@@ -1,6 +1,5 @@
 /* The sensor, whatever its kind. A scene has one, so that the choice is one for all lanes. */
-#ifndef ONERAY_SENSORS_SENSOR_H
-#define ONERAY_SENSORS_SENSOR_H
+#pragma once
 
 #include "kinds/sensors.h"
 
@@ -36,5 +35,3 @@ INLINE Eye eye_from(const Camera *camera, Vec p, Features f)
 #undef X
     return eye;
 }
-
-#endif

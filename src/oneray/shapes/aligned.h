@@ -1,6 +1,5 @@
 /* Rectangles whose sides lie along the axes: those across one axis share a division. */
-#ifndef ONERAY_SHAPES_ALIGNED_H
-#define ONERAY_SHAPES_ALIGNED_H
+#pragma once
 
 #ifdef LANES
 
@@ -36,5 +35,4 @@ INLINE Mask aligned_meets(const AlignedRow *a, const Ray *ray, int axis, Real in
     return (real_abs(x) <= real(a->half_u)) & (real_abs(y) <= real(a->half_v)) & (*t > real(0));
 }
 
-#endif
 #endif

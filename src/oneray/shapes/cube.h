@@ -1,6 +1,5 @@
 /* The cube [-1,1]³, with normals outwards. Its side k is at +1 or, for an odd k, -1 of axis k/2. */
-#ifndef ONERAY_SHAPES_CUBE_H
-#define ONERAY_SHAPES_CUBE_H
+#pragma once
 
 #include "shapes/placed.h"
 
@@ -74,5 +73,4 @@ INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
     return stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
 }
 
-#endif
 #endif

@@ -1,6 +1,5 @@
 /* The disk x² + y² ≤ 1 at z = 0, with normal +z. */
-#ifndef ONERAY_SHAPES_DISK_H
-#define ONERAY_SHAPES_DISK_H
+#pragma once
 
 #include "shapes/placed.h"
 
@@ -39,5 +38,4 @@ INLINE Crossing disk_cross(const Shapes *shapes, int i, const Ray *ray, Mask *wi
 /* A point of the unit disk, uniform by area. */
 INLINE void disk_sample(Real u, Real v, Real *x, Real *y) { sample_disk(u, v, x, y); }
 
-#endif
 #endif

@@ -1,6 +1,5 @@
 /* What rays meet among all shapes: by a loop over the few, by trees for triangles and for the many. */
-#ifndef ONERAY_SHAPES_MEET_H
-#define ONERAY_SHAPES_MEET_H
+#pragma once
 
 #include "kinds/shapes.h"
 
@@ -344,5 +343,3 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
         *face = vec_select(flat, plane, *face);
     }
 }
-
-#endif

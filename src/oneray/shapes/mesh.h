@@ -1,6 +1,5 @@
 /* Triangle meshes. */
-#ifndef ONERAY_SHAPES_MESH_H
-#define ONERAY_SHAPES_MESH_H
+#pragma once
 
 #include "meshes/mesh.h"
 #include "shapes/placed.h"
@@ -242,7 +241,5 @@ STAGE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec
         mean = vec_add(mean, vec_scale(vec_gather(triangles->normal, corner[c]), share[c]));
     *n = vec_select(vec_dot(mean, mean) > real(0), vec_normalize(mean), *face);
 }
-
-#endif
 
 #endif

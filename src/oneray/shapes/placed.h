@@ -1,6 +1,5 @@
 /* Shapes of unit size, placed in the world by a matrix, and the sides that shapes have. */
-#ifndef ONERAY_SHAPES_PLACED_H
-#define ONERAY_SHAPES_PLACED_H
+#pragma once
 
 #include "fields.h"
 #include "vectors.h"
@@ -69,5 +68,3 @@ static inline Extent placed_extent(const Placed *shape, bool flat)
     }
     return e;
 }
-
-#endif

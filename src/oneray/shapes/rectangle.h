@@ -1,6 +1,5 @@
 /* The rectangle [-1,1]² at z = 0, with normal +z. */
-#ifndef ONERAY_SHAPES_RECTANGLE_H
-#define ONERAY_SHAPES_RECTANGLE_H
+#pragma once
 
 #include "shapes/placed.h"
 
@@ -33,5 +32,4 @@ INLINE Crossing rectangle_cross(const Shapes *shapes, int i, const Ray *ray, Mas
 /* A point of the square [-1,1]², uniform by area. */
 INLINE void rectangle_sample(Real u, Real v, Real *x, Real *y) { sample_square(u, v, x, y); }
 
-#endif
 #endif

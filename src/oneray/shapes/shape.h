@@ -20,8 +20,7 @@
    for ROUND_SHAPES
      name_anchor          four numbers that stand for its surface, and
      name_surface         by them the point of it and its normal. */
-#ifndef ONERAY_SHAPES_SHAPE_H
-#define ONERAY_SHAPES_SHAPE_H
+#pragma once
 
 #include "lanes/sample.h"
 #include "shapes/mesh.h"
@@ -137,5 +136,3 @@ INLINE Mask can_meet(const Shapes *shapes, int slot, Mask hiding, Features f)
 {
     return f.has & HAS_HIDDEN && shapes->shines[slot] ? mask_not(hiding) : mask_all();
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* The sphere, with normals outwards. */
-#ifndef ONERAY_SHAPES_SPHERE_H
-#define ONERAY_SHAPES_SPHERE_H
+#pragma once
 
 #include "shapes/placed.h"
 
@@ -119,5 +118,4 @@ INLINE void sphere_sample(Vec center, Real radius, Real u, Real v, Vec *point, V
     *point = vec_add(center, vec_scale(*normal, radius));
 }
 
-#endif
 #endif

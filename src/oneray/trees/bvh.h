@@ -1,6 +1,5 @@
 /* A tree of boxes around things that rays meet: which box is in which. The bounds are the kernel's. */
-#ifndef ONERAY_TREES_BVH_H
-#define ONERAY_TREES_BVH_H
+#pragma once
 
 #include <stdint.h>
 
@@ -26,5 +25,3 @@ typedef struct {
 /* Puts the items into the order of the leaves, at most leaf_most in each. */
 Bvh bvh_build(BvhItem *items, int count, int leaf_most);
 void bvh_free(Bvh *bvh);
-
-#endif

@@ -2,8 +2,7 @@
 
    A tree only leaves out what the ray certainly does not meet, and of equally near hits the lower slot is
    taken, so that what is met depends on neither the tree nor the order. */
-#ifndef ONERAY_TREES_TREE_H
-#define ONERAY_TREES_TREE_H
+#pragma once
 
 #include "trees/bvh.h"
 #include "lanes/vec.h"
@@ -257,5 +256,3 @@ INLINE void add_children(const TreeNode *node, const Beam *beam, float tmax, Pen
         ++*count;
     }
 }
-
-#endif
