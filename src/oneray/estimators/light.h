@@ -3,7 +3,7 @@
    by itself would ever hit it. For the same reason a mirror or glass in the picture cannot be served. */
 #pragma once
 
-#include "kernel/kernel.h"
+#include "estimators/splats.h"
 #include "message.h"
 #include "estimators/walk.h"
 
