@@ -24,7 +24,7 @@ typedef struct {
     const char *name;
     FieldKind kind;
     size_t offset;         /* in the plugin's struct, or NOWHERE */
-    const char *range;     /* of a number, "(0,180)" or "[0,inf)"; the words; or NULL */
+    const char *range;     /* of a number, "(0,180)" or "[0,inf)"; "the, words"; or NULL */
     const char *otherwise; /* what holds where the file says nothing: a value as in a file; "" is 0; NULL: it must say */
 } Field; /* a table ends with {0} */
 
@@ -55,7 +55,7 @@ typedef struct {
 } Said;
 
 typedef struct {
-    const char *types; /* its name in scene files, or several, "ply obj" */
+    const char *types; /* its name in scene files, or several, "ply, obj" */
     const Field *fields;
     void (*check)(void *plugin, Said *said); /* or NULL */
 } Plugin;

@@ -18,7 +18,7 @@ typedef struct {
 static int plugin_of(const Node *node, const Plugin *const *plugins, int count)
 {
     for (int i = 0; i < count; i++)
-        if (plugins[i] && find_word(plugins[i]->types, attribute(node, "type")))
+        if (plugins[i] && find_word(plugins[i]->types, attribute(node, "type")) >= 0)
             return i;
     return -1;
 }
@@ -31,7 +31,7 @@ static int find_plugin(const Node *node, const Plugin *const *plugins, int count
     if (found >= 0)
         return found;
     for (int i = 0; i < count; i++)
-        append_words(&list, "", plugins[i] ? plugins[i]->types : "", "");
+        append_word(&list, plugins[i] ? plugins[i]->types : "");
     fail(node, "%s is not supported (%s)", describe(node), list.text);
 }
 
@@ -114,7 +114,7 @@ static void read_blend(Builder *builder, Node *node)
 {
     Material blend = {.kind = MATERIAL_BLEND, .line = node->line};
     int count = 0, front[2], back[2];
-    Said said = read_plugin(builder, node, &blend_plugin, "bsdf ref", &blend.as.blend);
+    Said said = read_plugin(builder, node, &blend_plugin, "<bsdf>, <ref>", &blend.as.blend);
     for (Node *child = node->first; child; child = child->next) {
         if (strcmp(child->tag, "bsdf") != 0 && strcmp(child->tag, "ref") != 0)
             continue;
@@ -139,7 +139,7 @@ static void read_blend(Builder *builder, Node *node)
 static void read_twosided(Builder *builder, Node *node)
 {
     int count = 0, nested[2], behind;
-    read_plugin(builder, node, &twosided_plugin, "bsdf ref", NULL);
+    read_plugin(builder, node, &twosided_plugin, "<bsdf>, <ref>", NULL);
     for (Node *child = node->first; child; child = child->next) {
         if (count == 2)
             fail(child, "<bsdf type=\"twosided\"> has a third bsdf (one for both sides, or two)");
@@ -255,7 +255,7 @@ static void read_shape(Builder *builder, Node *node)
     Description *d = builder->description;
     int kind = find_plugin(node, shapes, COUNT(shapes));
     Shape shape = {.kind = (ShapeKind)kind, .line = node->line, .emitter = -1};
-    Said said = read_plugin(builder, node, shapes[kind], "bsdf ref emitter", &shape.as);
+    Said said = read_plugin(builder, node, shapes[kind], "<bsdf>, <ref>, <emitter>", &shape.as);
     Node *emitter = only_child(node, "emitter");
     set_sides(builder, node, &shape);
     if (emitter)
@@ -318,7 +318,7 @@ static void set_size(Sensor *sensor, const uint64_t size[2])
 
 static void read_film(Builder *builder, const Node *node, Sensor *sensor)
 {
-    read_only(builder, node, &hdrfilm, "rfilter", sensor);
+    read_only(builder, node, &hdrfilm, "<rfilter>", sensor);
     if (builder->size)
         set_size(sensor, builder->size);
     if ((int64_t)sensor->width * sensor->height > 1 << 28)
@@ -336,7 +336,7 @@ static void read_sensor(Builder *builder, const Node *node)
     int kind = find_plugin(node, sensors, COUNT(sensors));
     sensor->kind = (SensorKind)kind;
     sensor->line = node->line;
-    read_plugin(builder, node, sensors[kind], "film sampler", &sensor->as);
+    read_plugin(builder, node, sensors[kind], "<film>, <sampler>", &sensor->as);
     if (!film)
         fail(node, "<sensor> needs a <film type=\"hdrfilm\"> with <rfilter type=\"box\"/>");
     read_film(builder, film, sensor);
@@ -357,7 +357,7 @@ static void check_root(const Node *root)
     if (strspn(version, "0123456789.") != strlen(version)
         || sscanf(version, "%2d.%4d.%4d%c", &major, &minor, &patch, &more) != 3 || major != 3)
         fail(root, "scene version \"%.80s\" is not supported (3.0.0, or another 3.x.y)", version);
-    read_fields(root, no_fields, "default integrator sensor bsdf shape emitter", NULL, &said);
+    read_fields(root, no_fields, "<default>, <integrator>, <sensor>, <bsdf>, <shape>, <emitter>", NULL, &said);
     if (!only_child(root, "integrator"))
         fail(root, "<scene> needs an <integrator type=\"path\"> with its max_depth");
     if (!only_child(root, "sensor"))
@@ -414,10 +414,9 @@ static void check_lengths(const Description *d, const char *file)
     }
 }
 
-Description *description_read(
-    const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2])
+Description *description_read(const char *file, const Parameter *given, int count, const uint64_t size[2])
 {
-    SceneFile *scene = scene_file_open(file, parameters, parameter_count);
+    SceneFile *scene = scene_file_open(file, given, count);
     Description *d = allocate(1, sizeof *d);
     *d = (Description){.sample_count = 4, .hash = scene->hash};
     Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE, .size = size};

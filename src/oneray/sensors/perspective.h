@@ -15,7 +15,7 @@ typedef struct perspective {
 enum { FOV_X, FOV_Y, FOV_DIAGONAL, FOV_SMALLER, FOV_LARGER };
 static const Field perspective_fields[] = {
     {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},
-    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x y diagonal smaller larger", "x"},
+    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x, y, diagonal, smaller, larger", "x"},
     {"near_clip", AS_FLOAT, offsetof(Perspective, near_clip), "(0,inf)", ".01"},
     {"far_clip", AS_FLOAT, offsetof(Perspective, far_clip), "(0,inf)", "1e4"},
     {"to_world", AS_TRANSFORM, offsetof(Perspective, to_world), NULL, ""},

@@ -90,7 +90,7 @@ static inline void mesh_check(void *plugin, Said *said)
     mesh_append(all, &mesh);
     s->extent = mesh_measure(s);
 }
-static const Plugin mesh_plugin = {"ply obj", mesh_fields, mesh_check};
+static const Plugin mesh_plugin = {"ply, obj", mesh_fields, mesh_check};
 
 enum { mesh_planes = 0 };
 
