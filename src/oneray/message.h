@@ -33,5 +33,6 @@ NORETURN void die_interrupted(void);
 void *allocate(size_t count, size_t size);
 void *reallocate(void *block, size_t count, size_t size);
 
-/* Rows with room for one more behind the first `count`; the room doubles. */
+/* Rows with room for one more behind the first `count`; the room doubles. PUSH puts it there. */
 void *room_for(void *rows, int count, size_t size);
+#define PUSH(rows, count, row) ((rows) = room_for((rows), (count), sizeof *(rows)), (rows)[(count)++] = (row))

@@ -177,8 +177,7 @@ static void add_id(SceneFile *scene, Node *node)
         return;
     if (!*attribute(node, "id"))
         fail(node, "the id of <%s> is empty", node->tag);
-    scene->by_id = room_for(scene->by_id, scene->id_count, sizeof *scene->by_id);
-    scene->by_id[scene->id_count++] = node;
+    PUSH(scene->by_id, scene->id_count, node);
 }
 
 static void XMLCALL on_start(void *data, const char *tag, const char **attributes)
