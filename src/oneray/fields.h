@@ -37,11 +37,6 @@ typedef struct {
     size_t size;
 } File;
 
-typedef struct {
-    const char *file;
-    int line;
-} Place;
-
 /* An element, as far as its plugin's struct does not say it. */
 enum { MOST_FIELDS = 16 };
 typedef struct {
