@@ -26,7 +26,7 @@ typedef struct {
     size_t offset;         /* in the plugin's struct, or NOWHERE */
     const char *range;     /* of a number, "(0,180)" or "[0,inf)"; "the, words"; or NULL */
     const char *otherwise; /* what holds where the file says nothing: a value as in a file; "" is 0; NULL: it must say */
-} Field; /* a table ends with {0} */
+} Field; /* a table ends with a row of zeros */
 
 /* A value of which there is but one: it is checked, and needs no place. */
 #define NOWHERE ((size_t)-1)
@@ -51,8 +51,8 @@ typedef struct {
 
 typedef struct {
     const char *types; /* its name in scene files, or several, "ply, obj" */
-    const Field *fields;
     void (*check)(void *plugin, Said *said); /* or NULL */
+    Field fields[MOST_FIELDS + 1];
 } Plugin;
 
 /* Where the file says the field, or NULL. */

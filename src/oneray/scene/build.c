@@ -86,12 +86,9 @@ static Node *only_child(const Node *node, const char *tag)
 
 /* Materials. A bsdf that several shapes refer to becomes one material. */
 
-static const Field no_fields[] = {{0}};
-static const Field blend_fields[] = {
-    {"weight", AS_FLOAT, offsetof(Blend, weight), "[0,1]", ""},
-    {0},
-};
-static const Plugin blend_plugin = {"blendbsdf", blend_fields, NULL}, twosided_plugin = {"twosided", no_fields, NULL};
+static const Plugin twosided_plugin = {.types = "twosided"};
+static const Plugin blend_plugin = {"blendbsdf", NULL, {
+    {"weight", AS_FLOAT, offsetof(Blend, weight), "[0,1]", ""}}};
 
 enum { TWOSIDED = MATERIAL_BLEND + 1 };
 static const Plugin *const bsdfs[] = {
@@ -259,24 +256,6 @@ static void read_shape(Builder *builder, Node *node)
 
 /* Sensor and integrator. */
 
-static const Field film_fields[] = {
-    {"width", AS_INTEGER, offsetof(Sensor, width), "[1,65536]", "768"},
-    {"height", AS_INTEGER, offsetof(Sensor, height), "[1,65536]", "576"},
-    {"pixel_format", AS_WORD, NOWHERE, "rgb", "rgb"},
-    {"component_format", AS_WORD, NOWHERE, "float32", "float32"},
-    {0},
-};
-static const Field sampler_fields[] = {
-    {"sample_count", AS_INTEGER, offsetof(Description, sample_count), "[1,2147483647]", "4"},
-    {0},
-};
-static const Field path_fields[] = {
-    {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
-    {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
-    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"},
-    {0},
-};
-
 static void path_check(void *plugin, Said *said)
 {
     const Description *d = plugin;
@@ -284,8 +263,18 @@ static void path_check(void *plugin, Said *said)
         fail(given(said, "max_depth"), "\"max_depth\" 0 is a black image: -1 is without limit, 1 emission only");
 }
 
-static const Plugin box = {"box", no_fields, NULL}, hdrfilm = {"hdrfilm", film_fields, NULL},
-                    independent = {"independent", sampler_fields, NULL}, path = {"path", path_fields, path_check};
+static const Plugin path = {"path", path_check, {
+    {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
+    {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
+    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"}}};
+static const Plugin hdrfilm = {"hdrfilm", NULL, {
+    {"width", AS_INTEGER, offsetof(Sensor, width), "[1,65536]", "768"},
+    {"height", AS_INTEGER, offsetof(Sensor, height), "[1,65536]", "576"},
+    {"pixel_format", AS_WORD, NOWHERE, "rgb", "rgb"},
+    {"component_format", AS_WORD, NOWHERE, "float32", "float32"}}};
+static const Plugin box = {.types = "box"};
+static const Plugin independent = {"independent", NULL, {
+    {"sample_count", AS_INTEGER, offsetof(Description, sample_count), "[1,2147483647]", "4"}}};
 static const Plugin *const sensors[] = {SENSORS(PLUGIN)};
 
 static double derived(double side) { return fmin(fmax(rint(side), 1), 1 << 28); }
@@ -341,7 +330,7 @@ static void check_root(const Node *root)
     if (strspn(version, "0123456789.") != strlen(version)
         || sscanf(version, "%2d.%4d.%4d%c", &major, &minor, &patch, &more) != 3 || major != 3)
         fail(root, "scene version \"%.80s\" is not supported (3.0.0, or another 3.x.y)", version);
-    read_fields(root, no_fields, "<default>, <integrator>, <sensor>, <bsdf>, <shape>, <emitter>", NULL, &said);
+    read_fields(root, &(Field){0}, "<default>, <integrator>, <sensor>, <bsdf>, <shape>, <emitter>", NULL, &said);
     if (!only_child(root, "integrator"))
         fail(root, "<scene> needs an <integrator type=\"path\"> with its max_depth");
     if (!only_child(root, "sensor"))

@@ -18,8 +18,7 @@ static const char *const elements_of_kind[] = {
     [AS_FLOAT] = "<float> or <integer>", [AS_COLOUR] = "<rgb>, <float> or <integer>",
     [AS_VECTOR] = "<point> or <vector>", [AS_INTEGER] = "<integer>", [AS_BOOLEAN] = "<boolean>",
     [AS_IOR] = "<float>, <integer> or <string>", [AS_STRING] = "<string>", [AS_WORD] = "<string>",
-    [AS_FILE] = "<string>", [AS_TRANSFORM] = "<transform>",
-};
+    [AS_FILE] = "<string>", [AS_TRANSFORM] = "<transform>"};
 
 static bool gives(const Node *node, FieldKind kind) { return is_among(node, elements_of_kind[kind]); }
 
@@ -251,8 +250,7 @@ static const struct {
     {"carbon tetrachloride", 1.461}, {"glycerol", 1.4729}, {"benzene", 1.501}, {"silicone oil", 1.52045},
     {"bromine", 1.661}, {"water ice", 1.31}, {"fused quartz", 1.458}, {"pyrex", 1.470},
     {"acrylic glass", 1.49}, {"polypropylene", 1.49}, {"bk7", 1.5046}, {"sodium chloride", 1.544},
-    {"amber", 1.55}, {"pet", 1.5750}, {"diamond", 2.419},
-};
+    {"amber", 1.55}, {"pet", 1.5750}, {"diamond", 2.419}};
 
 /* An index of refraction: a number, or as <string> the name of a medium. */
 static double parse_ior(const Node *node, const char *text)

@@ -25,8 +25,7 @@ static const struct {
     {"<translate>, <scale>", "value, x, y, z", 0},
     {"<rotate>", "angle, value, x, y, z", 1},
     {"<lookat>", "origin, target, up", 2},
-    {"<matrix>", "value", 1},
-};
+    {"<matrix>", "value", 1}};
 
 bool is_among(const Node *node, const char *elements)
 {
