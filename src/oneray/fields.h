@@ -24,9 +24,9 @@ typedef struct {
     const char *name;
     FieldKind kind;
     size_t offset;         /* in the plugin's struct, or NOWHERE */
-    const char *range;     /* of a number, "(0,180)" or "[0,inf)"; the words; or NULL */
+    const char *range;     /* of a number, "(0,180)" or "[0,inf)"; "the, words"; or NULL */
     const char *otherwise; /* what holds where the file says nothing: a value as in a file; "" is 0; NULL: it must say */
-} Field; /* a table ends with {0} */
+} Field; /* a table ends with a row of zeros */
 
 /* A value of which there is but one: it is checked, and needs no place. */
 #define NOWHERE ((size_t)-1)
@@ -36,11 +36,6 @@ typedef struct {
     char *name, *bytes;
     size_t size;
 } File;
-
-typedef struct {
-    const char *file;
-    int line;
-} Place;
 
 /* An element, as far as its plugin's struct does not say it. */
 enum { MOST_FIELDS = 16 };
@@ -55,9 +50,9 @@ typedef struct {
 } Said;
 
 typedef struct {
-    const char *types; /* its name in scene files, or several, "ply obj" */
-    const Field *fields;
+    const char *types; /* its name in scene files, or several, "ply, obj" */
     void (*check)(void *plugin, Said *said); /* or NULL */
+    Field fields[MOST_FIELDS + 1];
 } Plugin;
 
 /* Where the file says the field, or NULL. */

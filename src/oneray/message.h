@@ -15,7 +15,11 @@
 /* Say "oneray: …", "FILE:LINE: …" and "oneray: warning: …". */
 NORETURN void die(const char *format, ...) PRINTF_LIKE(1, 2);
 NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);
-/* What stands at a place, which has a file and a line, is wrong. */
+typedef struct {
+    const char *file;
+    int line;
+} Place;
+/* What stands at a place, or at whatever has a file and a line, is wrong. */
 #define fail(at, ...) die_at((at)->file, (at)->line, __VA_ARGS__)
 void warn(const char *format, ...) PRINTF_LIKE(1, 2);
 
@@ -33,5 +37,6 @@ NORETURN void die_interrupted(void);
 void *allocate(size_t count, size_t size);
 void *reallocate(void *block, size_t count, size_t size);
 
-/* Rows with room for one more behind the first `count`; the room doubles. */
+/* Rows with room for one more behind the first `count`; the room doubles. PUSH puts it there. */
 void *room_for(void *rows, int count, size_t size);
+#define PUSH(rows, count, row) ((rows) = room_for((rows), (count), sizeof *(rows)), (rows)[(count)++] = (row))

@@ -221,7 +221,7 @@ static void parameter(Options *options, const char *word)
             die("-D%s is given twice", copy);
     if (options->parameter_count == MAX_PARAMETERS)
         die("more than %d -D parameters", MAX_PARAMETERS);
-    options->parameters[options->parameter_count++] = (Parameter){copy, equals + 1, false};
+    options->parameters[options->parameter_count++] = (Parameter){.name = copy, .value = equals + 1};
 }
 
 static void take(Options *o, const Option *option, const char *word)

@@ -6,9 +6,9 @@ static void read_scene(const uint8_t *bytes, size_t size)
 {
     char reason[128];
     (void)bytes, (void)size; /* as the file scene.xml */
-    Parameter parameters[] = {{"depth", "3", false}};
+    const Parameter given[] = {{.name = "depth", .value = "3"}};
     const uint64_t image[2] = {size % 3 * 7, 0};
-    Description *description = description_read("scene.xml", parameters, size % 4 == 0, image);
+    Description *description = description_read("scene.xml", given, size % 4 == 0, image);
     precision_for(description, reason, (int)sizeof reason);
     description_free(description);
 }

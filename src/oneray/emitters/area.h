@@ -9,11 +9,8 @@ typedef struct area {
     double radiance[3]; /* W·sr⁻¹·m⁻² */
 } Area;
 
-static const Field area_fields[] = {
-    {"radiance", AS_COLOUR, offsetof(Area, radiance), "[0,inf)", "1"},
-    {0},
-};
-static const Plugin area_plugin = {"area", area_fields, NULL};
+static const Plugin area_plugin = {"area", NULL, {
+    {"radiance", AS_COLOUR, offsetof(Area, radiance), "[0,inf)", "1"}}};
 
 static inline EmitterTraits area_traits(const Area *e)
 {

@@ -9,11 +9,8 @@ typedef struct constant {
     double radiance[3]; /* W·sr⁻¹·m⁻² */
 } Constant;
 
-static const Field constant_fields[] = {
-    {"radiance", AS_COLOUR, offsetof(Constant, radiance), "[0,inf)", "1"},
-    {0},
-};
-static const Plugin constant_plugin = {"constant", constant_fields, NULL};
+static const Plugin constant_plugin = {"constant", NULL, {
+    {"radiance", AS_COLOUR, offsetof(Constant, radiance), "[0,inf)", "1"}}};
 
 static inline EmitterTraits constant_traits(const Constant *e)
 {

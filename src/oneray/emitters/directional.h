@@ -11,13 +11,6 @@ typedef struct directional {
     double irradiance[3]; /* of a plane across it, W·m⁻² */
 } Directional;
 
-static const Field directional_fields[] = {
-    {"direction", AS_VECTOR, offsetof(Directional, direction), NULL, "0 0 1"},
-    {"to_world", AS_TRANSFORM, offsetof(Directional, to_world), NULL, ""},
-    {"irradiance", AS_COLOUR, offsetof(Directional, irradiance), "[0,inf)", "1"},
-    {0},
-};
-
 static inline void directional_check(void *plugin, Said *said)
 {
     Directional *e = plugin;
@@ -33,7 +26,10 @@ static inline void directional_check(void *plugin, Said *said)
         fail(to_world, "\"to_world\" of a directional emitter must not scale (Mitsuba multiplies the irradiance by "
             "it)");
 }
-static const Plugin directional_plugin = {"directional", directional_fields, directional_check};
+static const Plugin directional_plugin = {"directional", directional_check, {
+    {"direction", AS_VECTOR, offsetof(Directional, direction), NULL, "0 0 1"},
+    {"to_world", AS_TRANSFORM, offsetof(Directional, to_world), NULL, ""},
+    {"irradiance", AS_COLOUR, offsetof(Directional, irradiance), "[0,inf)", "1"}}};
 
 static inline EmitterTraits directional_traits(const Directional *e)
 {

@@ -11,13 +11,6 @@ typedef struct point {
     Affine to_world;     /* whose origin is the position, where the file says it so */
 } Point;
 
-static const Field point_fields[] = {
-    {"position", AS_VECTOR, offsetof(Point, position), NULL, "0"},
-    {"to_world", AS_TRANSFORM, offsetof(Point, to_world), NULL, ""},
-    {"intensity", AS_COLOUR, offsetof(Point, intensity), "[0,inf)", "1"},
-    {0},
-};
-
 static inline void point_check(void *plugin, Said *said)
 {
     Point *e = plugin;
@@ -26,7 +19,10 @@ static inline void point_check(void *plugin, Said *said)
     if (given(said, "to_world"))
         column(&e->to_world, 3, e->position);
 }
-static const Plugin point_plugin = {"point", point_fields, point_check};
+static const Plugin point_plugin = {"point", point_check, {
+    {"position", AS_VECTOR, offsetof(Point, position), NULL, "0"},
+    {"to_world", AS_TRANSFORM, offsetof(Point, to_world), NULL, ""},
+    {"intensity", AS_COLOUR, offsetof(Point, intensity), "[0,inf)", "1"}}};
 
 static inline EmitterTraits point_traits(const Point *e)
 {

@@ -13,14 +13,6 @@ typedef struct spot {
     double position[3], direction[3];
 } Spot;
 
-static const Field spot_fields[] = {
-    {"to_world", AS_TRANSFORM, offsetof(Spot, to_world), NULL, ""},
-    {"intensity", AS_COLOUR, offsetof(Spot, intensity), "[0,inf)", "1"},
-    {"cutoff_angle", AS_FLOAT, offsetof(Spot, cutoff_angle), "(0,180]", "20"},
-    {"beam_width", AS_FLOAT, offsetof(Spot, beam_width), "[0,180]", ""},
-    {0},
-};
-
 static inline void spot_check(void *plugin, Said *said)
 {
     Spot *e = plugin;
@@ -36,7 +28,11 @@ static inline void spot_check(void *plugin, Said *said)
     e->cutoff_angle = e->cutoff_angle * PI / 180;
     e->beam_width = e->beam_width * PI / 180;
 }
-static const Plugin spot_plugin = {"spot", spot_fields, spot_check};
+static const Plugin spot_plugin = {"spot", spot_check, {
+    {"to_world", AS_TRANSFORM, offsetof(Spot, to_world), NULL, ""},
+    {"intensity", AS_COLOUR, offsetof(Spot, intensity), "[0,inf)", "1"},
+    {"cutoff_angle", AS_FLOAT, offsetof(Spot, cutoff_angle), "(0,180]", "20"},
+    {"beam_width", AS_FLOAT, offsetof(Spot, beam_width), "[0,180]", ""}}};
 
 /* The flux is that of the cone up to the middle of its rim. */
 static inline EmitterTraits spot_traits(const Spot *e)

@@ -11,14 +11,6 @@ typedef struct conductor {
     const char *material;
 } Conductor;
 
-static const Field conductor_fields[] = {
-    {"material", AS_STRING, offsetof(Conductor, material), NULL, ""},
-    {"specular_reflectance", AS_COLOUR, offsetof(Conductor, specular_reflectance), "[0,1]", "1"},
-    {"eta", AS_COLOUR, offsetof(Conductor, eta), "(0,1000]", ""},
-    {"k", AS_COLOUR, offsetof(Conductor, k), "[0,1000]", ""},
-    {0},
-};
-
 static inline void conductor_check(void *plugin, Said *said)
 {
     Conductor *m = plugin;
@@ -34,7 +26,11 @@ static inline void conductor_check(void *plugin, Said *said)
         fail(said, "<bsdf type=\"conductor\"> needs both eta and k as <rgb>, or "
             "<string name=\"material\" value=\"none\"/> for a perfect mirror (Mitsuba's default is copper)");
 }
-static const Plugin conductor_plugin = {"conductor", conductor_fields, conductor_check};
+static const Plugin conductor_plugin = {"conductor", conductor_check, {
+    {"material", AS_STRING, offsetof(Conductor, material), NULL, ""},
+    {"specular_reflectance", AS_COLOUR, offsetof(Conductor, specular_reflectance), "[0,1]", "1"},
+    {"eta", AS_COLOUR, offsetof(Conductor, eta), "(0,1000]", ""},
+    {"k", AS_COLOUR, offsetof(Conductor, k), "[0,1000]", ""}}};
 
 static inline MaterialTraits conductor_traits(const Conductor *m)
 {

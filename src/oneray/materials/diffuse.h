@@ -8,11 +8,8 @@ typedef struct diffuse {
     double reflectance[3];
 } Diffuse;
 
-static const Field diffuse_fields[] = {
-    {"reflectance", AS_COLOUR, offsetof(Diffuse, reflectance), "[0,1]", ".5"},
-    {0},
-};
-static const Plugin diffuse_plugin = {"diffuse", diffuse_fields, NULL};
+static const Plugin diffuse_plugin = {"diffuse", NULL, {
+    {"reflectance", AS_COLOUR, offsetof(Diffuse, reflectance), "[0,1]", ".5"}}};
 
 static inline MaterialTraits diffuse_traits(const Diffuse *m)
 {

@@ -7,21 +7,17 @@
 
 double read_text_number(Source *source, const char *of)
 {
-    size_t length = strcspn(source->at, " \t\r\n");
-    if (length && strspn(source->at, "+-.0123456789eE") >= length) {
-        char *end;
-        double value = strtod(source->at, &end);
-        if (end == source->at + length && fabs(value) <= (double)FLT_MAX) {
-            source->at = end;
-            return value;
-        }
-    }
+    double value;
+    size_t length = strcspn(source->at, " \t\r\n"), printable = 0;
     if (!length)
         fail(source, "the %s is missing: a number is wanted", of);
-    for (size_t i = 0; i < length; i++)
-        length = isprint((unsigned char)source->at[i]) ? length : i;
-    fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)(length < 40 ? length : 40),
-        source->at, of, (double)FLT_MAX);
+    if (!is_number(source->at, length, &value) || !(fabs(value) <= (double)FLT_MAX)) {
+        while (printable < length && printable < 40 && isprint((unsigned char)source->at[printable]))
+            printable++;
+        fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)printable, source->at, of, (double)FLT_MAX);
+    }
+    source->at += length;
+    return value;
 }
 
 /* Normals go by the inverse transpose, whose columns are the cross products of the matrix's. */
@@ -38,12 +34,13 @@ static void to_the_world(Mesh *mesh, const Affine *to_world)
         memcpy(p, mesh->vertex[v], sizeof p);
         for (int i = 0; i < 3; i++)
             mesh->vertex[v][i] = dot(to_world->m[i], p) + to_world->m[i][3];
-        for (int i = 0; i < 3 && mesh->normal; i++)
+        if (!mesh->normal)
+            continue;
+        for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++)
                 n[i] += sign * cofactors[j][i] * mesh->normal[v][j];
         normalise(n);
-        if (mesh->normal)
-            memcpy(mesh->normal[v], n, sizeof n);
+        memcpy(mesh->normal[v], n, sizeof n);
     }
 }
 
@@ -71,9 +68,8 @@ static void leave_out_flat(Mesh *mesh, const char *file)
     for (int t = 0; t < count; t++) {
         double a[3], b[3], across[3];
         triangle_edges(mesh, t, 0, a, b, across);
-        if (across[0] == 0 && across[1] == 0 && across[2] == 0)
-            continue;
-        memmove(mesh->triangle[kept++], mesh->triangle[t], sizeof *mesh->triangle);
+        if (across[0] != 0 || across[1] != 0 || across[2] != 0)
+            memmove(mesh->triangle[kept++], mesh->triangle[t], sizeof *mesh->triangle);
     }
     if (!kept)
         die_at(file, 1, "none of the %d triangles has an area", count);

@@ -2,10 +2,9 @@
    is rendered. */
 #pragma once
 
-#include "message.h"
+#include "text.h"
 #include "vectors.h"
 
-#include <stdbool.h>
 #include <stdint.h>
 
 /* Triangles; for a smooth one, unit normals by vertex, else zeros, or NULL if no mesh of the scene has any. */

@@ -50,14 +50,12 @@ static void read_corner(Source *source, const Obj *obj, int key[3])
 {
     key[0] = read_index(source, "vertex", obj->point_count);
     key[1] = key[2] = 0;
-    if (*source->at != '/')
-        return;
-    if (*++source->at != '/')
+    if (*source->at == '/' && *++source->at != '/')
         key[1] = read_index(source, "texture coordinate", obj->texture_count);
-    if (*source->at != '/')
-        return;
-    source->at++;
-    key[2] = read_index(source, "normal", obj->normal_count);
+    if (*source->at == '/') {
+        source->at++;
+        key[2] = read_index(source, "normal", obj->normal_count);
+    }
 }
 
 /* The vertex of a corner, a new one if there is none like it. */
@@ -68,8 +66,7 @@ static int vertex_of(Obj *obj, const int key[3])
         if (!memcmp(obj->corners[*link].key, key, sizeof obj->corners->key))
             return *link;
     int vertex = *link = obj->corner_count;
-    obj->corners = room_for(obj->corners, obj->corner_count, sizeof *obj->corners);
-    obj->corners[obj->corner_count++] = (Corner){{key[0], key[1], key[2]}, -1};
+    PUSH(obj->corners, obj->corner_count, ((Corner){{key[0], key[1], key[2]}, -1}));
     return vertex;
 }
 
@@ -131,23 +128,20 @@ void obj_read(Source *source, Mesh *mesh)
         source->at += strcspn(source->at, "\n");
         source->at += source->at < source->end;
     }
+    for (int v = 0; v < obj.corner_count; v++)
+        with_normal += obj.corners[v].key[2] > 0;
+    if (with_normal && with_normal < obj.corner_count)
+        fail(source, "%d of %d vertices have no normal: all or none must have one",
+            obj.corner_count - with_normal, obj.corner_count);
     mesh->vertex_count = obj.corner_count;
     mesh->vertex = allocate((size_t)obj.corner_count, sizeof *mesh->vertex);
-    if (obj.normal_count)
+    if (with_normal)
         mesh->normal = allocate((size_t)obj.corner_count, sizeof *mesh->normal);
     for (int v = 0; v < obj.corner_count; v++) {
         const int *key = obj.corners[v].key;
         memcpy(mesh->vertex[v], obj.points[key[0] - 1], sizeof *mesh->vertex);
-        with_normal += key[2] > 0;
-        if (key[2])
+        if (with_normal)
             memcpy(mesh->normal[v], obj.normals[key[2] - 1], sizeof *mesh->normal);
-    }
-    if (with_normal && with_normal < obj.corner_count)
-        fail(source, "%d of %d vertices have no normal: all or none must have one",
-            obj.corner_count - with_normal, obj.corner_count);
-    if (!with_normal) {
-        free(mesh->normal);
-        mesh->normal = NULL;
     }
     free(obj.points);
     free(obj.normals);

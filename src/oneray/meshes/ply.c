@@ -6,13 +6,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef enum { ASCII, LITTLE_ENDIAN_, BIG_ENDIAN_ } Format;
+typedef enum { ASCII, LITTLE, BIG } Format;
 typedef enum { INT8, UINT8, INT16, UINT16, INT32, UINT32, FLOAT32, FLOAT64, TYPES } Type;
 typedef enum { SKIPPED = -1, X, Y, Z, NX, NY, NZ, CORNERS } Role;
 
-static const char *const type_names[TYPES][2] = {{"char", "int8"}, {"uchar", "uint8"}, {"short", "int16"},
-    {"ushort", "uint16"}, {"int", "int32"}, {"uint", "uint32"}, {"float", "float32"}, {"double", "float64"}};
-static const size_t type_bytes[TYPES] = {1, 1, 2, 2, 4, 4, 4, 8};
+static const char FORMATS[] = "ascii, binary_little_endian, binary_big_endian", COORDINATES[] = "x, y, z, nx, ny, nz";
+static const struct {
+    const char *name, *other;
+    size_t bytes;
+} types[TYPES] = {{"char", "int8", 1}, {"uchar", "uint8", 1}, {"short", "int16", 2}, {"ushort", "uint16", 2},
+    {"int", "int32", 4}, {"uint", "uint32", 4}, {"float", "float32", 4}, {"double", "float64", 8}};
 
 enum { MOST_ELEMENTS = 16, MOST_PROPERTIES = 64, WORD = 40 };
 
@@ -68,21 +71,18 @@ static Type next_type(Source *source)
     char word[WORD];
     next_word(source, word);
     for (int type = 0; type < TYPES; type++)
-        if (!strcmp(word, type_names[type][0]) || !strcmp(word, type_names[type][1]))
+        if (!strcmp(word, types[type].name) || !strcmp(word, types[type].other))
             return (Type)type;
     fail(source, "\"%s\" is no type of PLY (char, uchar, short, ushort, int, uint, float, double)", word);
 }
 
 static void read_format(Source *source, Header *header)
 {
-    static const char *const formats[] = {"ascii", "binary_little_endian", "binary_big_endian"};
     char word[WORD], version[WORD];
     next_word(source, word);
     next_word(source, version);
-    int format = 0;
-    while (format < 3 && strcmp(word, formats[format]) != 0)
-        format++;
-    if (format == 3 || strcmp(version, "1.0") != 0)
+    int format = find_word(FORMATS, word);
+    if (format < 0 || strcmp(version, "1.0") != 0)
         fail(source, "the format \"%s %s\" is not supported (ascii 1.0, binary_little_endian 1.0, "
             "binary_big_endian 1.0)", word, version);
     header->format = (Format)format;
@@ -105,7 +105,6 @@ static void read_header_element(Source *source, Header *header)
 
 static void read_header_property(Source *source, Header *header)
 {
-    static const char *const coordinates[] = {"x", "y", "z", "nx", "ny", "nz"};
     PlyProperty property = {.role = SKIPPED};
     char name[WORD];
     if (!header->element_count)
@@ -121,12 +120,10 @@ static void read_header_property(Source *source, Header *header)
     }
     property.type = next_type(source);
     next_word(source, name);
-    bool of_faces = !strcmp(element->name, "face"), of_vertices = !strcmp(element->name, "vertex");
-    if (of_faces && property.is_list && (!strcmp(name, "vertex_indices") || !strcmp(name, "vertex_index")))
+    if (!strcmp(element->name, "vertex") && !property.is_list)
+        property.role = (Role)find_word(COORDINATES, name);
+    if (!strcmp(element->name, "face") && property.is_list && find_word("vertex_indices, vertex_index", name) >= 0)
         property.role = CORNERS;
-    for (int i = 0; i < 6 && of_vertices && !property.is_list; i++)
-        if (!strcmp(name, coordinates[i]))
-            property.role = (Role)i;
     if (property.role == CORNERS && (property.type >= FLOAT32 || property.length_type >= FLOAT32))
         fail(source, "\"%s\" must be a list of integers, its length too", name);
     for (int i = 0; i < element->property_count && property.role != SKIPPED; i++)
@@ -144,7 +141,7 @@ static void read_header(Source *source, Header *header)
     source->at += 3;
     for (end_line(source);; end_line(source)) {
         next_word(source, word);
-        if (!strcmp(word, "comment") || !strcmp(word, "obj_info")) {
+        if (find_word("comment, obj_info", word) >= 0) {
             source->at += strcspn(source->at, "\n");
         } else if (!strcmp(word, "format") && !has_format) {
             read_format(source, header);
@@ -163,41 +160,21 @@ static void read_header(Source *source, Header *header)
     end_line(source);
 }
 
-/* What an element takes at least of the file. */
-static size_t least_bytes(const Element *element, Format format)
+/* The bytes, the most significant first or last, are put together to bits, whatever the order of this machine. */
+static double binary_number(const char *at, Type type, bool big)
 {
-    size_t bytes = 0;
-    for (int i = 0; i < element->property_count; i++) {
-        const PlyProperty *property = &element->properties[i];
-        bytes += format == ASCII ? 2 : type_bytes[property->is_list ? property->length_type : property->type];
-    }
-    return bytes;
-}
-
-static double binary_number(const char *at, Type type, bool swap)
-{
-    union {
-        int8_t i8;
-        uint8_t u8;
-        int16_t i16;
-        uint16_t u16;
-        int32_t i32;
-        uint32_t u32;
-        float f;
-        double d;
-        char b[8];
-    } n;
-    for (size_t i = 0, last = type_bytes[type] - 1; i <= last; i++)
-        n.b[i] = at[swap ? last - i : i];
+    uint64_t bits = 0;
+    for (size_t i = 0, last = types[type].bytes - 1; i <= last; i++)
+        bits = bits << 8 | (unsigned char)at[big ? i : last - i];
+    union { uint32_t bits; float number; } single = {(uint32_t)bits};
+    union { uint64_t bits; double number; } real = {bits};
     switch (type) {
-    case INT8: return n.i8;
-    case UINT8: return n.u8;
-    case INT16: return n.i16;
-    case UINT16: return n.u16;
-    case INT32: return n.i32;
-    case UINT32: return n.u32;
-    case FLOAT32: return (double)n.f;
-    default: return n.d;
+    case INT8: return (int8_t)bits;
+    case INT16: return (int16_t)bits;
+    case INT32: return (int32_t)bits;
+    case FLOAT32: return (double)single.number;
+    case FLOAT64: return real.number;
+    default: return (uint32_t)bits;
     }
 }
 
@@ -210,17 +187,14 @@ static double next_number(Source *source, Format format, Type type, const Elemen
                 element->name, element->line);
         double value = read_text_number(source, "value of PLY");
         if (type < FLOAT32 && value != rint(value))
-            fail(source, "%g is no integer, and a value of type %s is wanted", value, type_names[type][0]);
+            fail(source, "%g is no integer, and a value of type %s is wanted", value, types[type].name);
         return value;
     }
-    const uint16_t one = 1;
-    bool little = *(const unsigned char *)&one == 1;
-    if ((size_t)(source->end - source->at) < type_bytes[type])
+    if ((size_t)(source->end - source->at) < types[type].bytes)
         fail(source, "the file ends before the %d elements \"%s\" of this line do", element->count,
             element->name);
-    double value = binary_number(source->at, type, little != (format == LITTLE_ENDIAN_));
-    source->at += type_bytes[type];
-    return value;
+    source->at += types[type].bytes;
+    return binary_number(source->at - types[type].bytes, type, format == BIG);
 }
 
 /* A face: three corners, all of them vertices. */
@@ -274,29 +248,31 @@ static void read_one(Source *source, Format format, const Element *element, int 
 /* Makes room for an element's numbers, once it is certain that the file can hold them. */
 static void make_room(Source *source, Format format, const Element *element, Mesh *mesh)
 {
+    const Place at = {source->file, element->line};
     unsigned has = 0;
-    size_t count = (size_t)element->count;
-    for (int i = 0; i < element->property_count; i++)
-        if (element->properties[i].role != SKIPPED)
-            has |= 1u << element->properties[i].role;
-    if (count * least_bytes(element, format) > (size_t)(source->end - source->at) + 1)
-        die_at(source->file, element->line, "%zu elements \"%s\" are said to follow, but only %zu bytes do",
-            count, element->name, (size_t)(source->end - source->at));
+    size_t count = (size_t)element->count, rest = (size_t)(source->end - source->at), least = 0;
+    for (int i = 0; i < element->property_count; i++) {
+        const PlyProperty *property = &element->properties[i];
+        least += format == ASCII ? 2 : types[property->is_list ? property->length_type : property->type].bytes;
+        has |= property->role == SKIPPED ? 0 : 1u << property->role;
+    }
+    if (count * least > rest + 1)
+        fail(&at, "%zu elements \"%s\" are said to follow, but only %zu bytes do", count, element->name, rest);
     if (!strcmp(element->name, "vertex") && !mesh->vertex) {
         if ((has & 7) != 7)
-            die_at(source->file, element->line, "the vertices need the properties x, y and z");
+            fail(&at, "the vertices need the properties x, y and z");
         mesh->vertex = allocate(count, sizeof *mesh->vertex);
         mesh->vertex_count = element->count;
         if ((has >> NX & 7) == 7)
             mesh->normal = allocate(count, sizeof *mesh->normal);
     } else if (!strcmp(element->name, "face") && !mesh->triangle) {
         if (!(has >> CORNERS & 1))
-            die_at(source->file, element->line, "the faces need a list vertex_indices or vertex_index");
+            fail(&at, "the faces need a list vertex_indices or vertex_index");
         if (!mesh->vertex)
-            die_at(source->file, element->line, "the faces must come after the vertices");
+            fail(&at, "the faces must come after the vertices");
         mesh->triangle = allocate(count, sizeof *mesh->triangle);
     } else if (has) {
-        die_at(source->file, element->line, "a second element \"%s\"", element->name);
+        fail(&at, "a second element \"%s\"", element->name);
     }
 }
 

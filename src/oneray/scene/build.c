@@ -18,7 +18,7 @@ typedef struct {
 static int plugin_of(const Node *node, const Plugin *const *plugins, int count)
 {
     for (int i = 0; i < count; i++)
-        if (plugins[i] && find_word(plugins[i]->types, attribute(node, "type")))
+        if (plugins[i] && find_word(plugins[i]->types, attribute(node, "type")) >= 0)
             return i;
     return -1;
 }
@@ -31,7 +31,7 @@ static int find_plugin(const Node *node, const Plugin *const *plugins, int count
     if (found >= 0)
         return found;
     for (int i = 0; i < count; i++)
-        append_words(&list, "", plugins[i] ? plugins[i]->types : "", "");
+        append_word(&list, plugins[i] ? plugins[i]->types : "");
     fail(node, "%s is not supported (%s)", describe(node), list.text);
 }
 
@@ -45,8 +45,7 @@ static void load_files(Description *d, void *to, const Said *said)
         File *file = (File *)((char *)to + said->fields[i].offset);
         file->bytes = read_file(file->name, MOST_MIB, &said->place[i], &file->size);
         d->hash = hash_bytes(d->hash, file->bytes, file->size);
-        d->mesh_files = room_for(d->mesh_files, d->mesh_file_count, sizeof *d->mesh_files);
-        d->mesh_files[d->mesh_file_count++] = file->name;
+        PUSH(d->mesh_files, d->mesh_file_count, file->name);
     }
 }
 
@@ -83,74 +82,68 @@ static Node *only_child(const Node *node, const char *tag)
     return found;
 }
 
+#define PLUGIN(NAME, name, words) &name##_plugin,
+
 /* Materials. A bsdf that several shapes refer to becomes one material. */
 
-static const Field no_fields[] = {{0}};
-static const Field blend_fields[] = {
-    {"weight", AS_FLOAT, offsetof(Blend, weight), "[0,1]", ""},
-    {0},
-};
-static const Plugin blend_plugin = {"blendbsdf", blend_fields, NULL}, twosided_plugin = {"twosided", no_fields, NULL};
+static const Plugin twosided_plugin = {.types = "twosided"};
+static const Plugin blend_plugin = {"blendbsdf", NULL, {
+    {"weight", AS_FLOAT, offsetof(Blend, weight), "[0,1]", ""}}};
 
 enum { TWOSIDED = MATERIAL_BLEND + 1 };
 static const Plugin *const bsdfs[] = {
-#define X(NAME, name, words) [MATERIAL_##NAME] = &name##_plugin,
-    MATERIALS(X)
-#undef X
-    [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin,
-};
+    MATERIALS(PLUGIN) [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin};
 
 static int add_material(Description *d, Material material)
 {
-    d->materials = room_for(d->materials, d->material_count, sizeof *d->materials);
-    d->materials[d->material_count] = material;
-    return d->material_count++;
+    PUSH(d->materials, d->material_count, material);
+    return d->material_count - 1;
 }
 
-static void read_bsdf(Builder *builder, Node *node, int *front, int *back);
+static const Node *read_bsdf(Builder *builder, Node *node);
 
 /* L16 weight is the share of the second bsdf; each side of the surface has its own blend. */
 static void read_blend(Builder *builder, Node *node)
 {
     Material blend = {.kind = MATERIAL_BLEND, .line = node->line};
-    int count = 0, front[2], back[2];
-    Said said = read_plugin(builder, node, &blend_plugin, "bsdf ref", &blend.as.blend);
+    const Node *parts[2];
+    int count = 0;
+    Said said = read_plugin(builder, node, &blend_plugin, "<bsdf>, <ref>", &blend.as.blend);
     for (Node *child = node->first; child; child = child->next) {
-        if (strcmp(child->tag, "bsdf") != 0 && strcmp(child->tag, "ref") != 0)
+        if (!is_among(child, "<bsdf>, <ref>"))
             continue;
         if (count == 2)
             fail(child, "<bsdf type=\"blendbsdf\"> has a third bsdf: nest another blendbsdf for three");
-        read_bsdf(builder, child, &front[count], &back[count]);
-        count++;
+        parts[count++] = read_bsdf(builder, child);
     }
     if (count < 2)
         fail(node, "<bsdf type=\"blendbsdf\"> needs two bsdfs inside");
     if (!given(&said, "weight"))
         fail(node, "<bsdf type=\"blendbsdf\"> needs <float name=\"weight\" value=\"0.5\"/>, the second's share");
-    blend.as.blend.first = front[0], blend.as.blend.second = front[1];
+    blend.as.blend.first = parts[0]->front, blend.as.blend.second = parts[1]->front;
     node->front = add_material(builder->description, blend);
-    if (back[0] == MATERIAL_NONE && back[1] == MATERIAL_NONE)
-        return;
-    blend.as.blend.first = back[0], blend.as.blend.second = back[1];
-    node->back = add_material(builder->description, blend);
+    blend.as.blend.first = parts[0]->back, blend.as.blend.second = parts[1]->back;
+    if (parts[0]->back != MATERIAL_NONE || parts[1]->back != MATERIAL_NONE)
+        node->back = add_material(builder->description, blend);
 }
 
 /* One nested bsdf is on both sides; of two, the first is on the side of the normal. */
 static void read_twosided(Builder *builder, Node *node)
 {
-    int count = 0, nested[2], behind;
-    read_plugin(builder, node, &twosided_plugin, "bsdf ref", NULL);
+    const Node *sides[2];
+    int count = 0;
+    read_plugin(builder, node, &twosided_plugin, "<bsdf>, <ref>", NULL);
     for (Node *child = node->first; child; child = child->next) {
         if (count == 2)
             fail(child, "<bsdf type=\"twosided\"> has a third bsdf (one for both sides, or two)");
-        read_bsdf(builder, child, &nested[count++], &behind);
-        if (behind != MATERIAL_NONE)
+        sides[count++] = read_bsdf(builder, child);
+        if (sides[count - 1]->back != MATERIAL_NONE)
             fail(child, "<bsdf type=\"twosided\"> cannot hold a bsdf that has a back side (twosided, dielectric)");
     }
     if (!count)
         fail(node, "<bsdf type=\"twosided\"> needs a bsdf inside (one for both sides, or two)");
-    node->front = nested[0];
-    node->back = nested[count - 1];
+    node->front = sides[0]->front;
+    node->back = sides[count - 1]->front;
 }
 
 static void read_material(Builder *builder, Node *node)
@@ -168,8 +161,8 @@ static void read_material(Builder *builder, Node *node)
     }
 }
 
-/* The materials on the two sides of a surface with this <bsdf>, or with the one that a <ref> means. */
-static void read_bsdf(Builder *builder, Node *node, int *front, int *back)
+/* This <bsdf>, or the one that a <ref> means, once its materials are read. */
+static const Node *read_bsdf(Builder *builder, Node *node)
 {
     Node *bsdf = node;
     if (strcmp(node->tag, "ref") == 0) {
@@ -191,17 +184,12 @@ static void read_bsdf(Builder *builder, Node *node, int *front, int *back)
         read_material(builder, bsdf);
         bsdf->state = READ;
     }
-    *front = bsdf->front;
-    *back = bsdf->back;
+    return bsdf;
 }
 
 /* Lights and shapes. */
 
-static const Plugin *const emitters[] = {
-#define X(NAME, name, words) [EMITTER_##NAME] = &name##_plugin,
-    EMITTERS(X)
-#undef X
-};
+static const Plugin *const emitters[] = {EMITTERS(PLUGIN)};
 
 /* Of a shape, or of the scene itself: -1. */
 static int read_emitter(Builder *builder, const Node *node, int shape)
@@ -221,16 +209,12 @@ static int read_emitter(Builder *builder, const Node *node, int shape)
             fail(node, "a second %s, the first is in line %d", describe(first), first->line);
         builder->environment = node;
     }
-    d->emitters = room_for(d->emitters, d->emitter_count, sizeof *d->emitters);
-    d->emitters[d->emitter_count] = light;
-    return d->emitter_count++;
+    PUSH(d->emitters, d->emitter_count, light);
+    return d->emitter_count - 1;
 }
 
-static const Plugin *const shapes[SHAPE_KINDS] = {
-#define X(NAME, name, words) [SHAPE_##NAME] = &name##_plugin,
-    FILE_SHAPES(X)
-#undef X
-};
+#define SHAPE_PLUGIN(NAME, name, words) [SHAPE_##NAME] = &name##_plugin,
+static const Plugin *const shapes[SHAPE_KINDS] = {FILE_SHAPES(SHAPE_PLUGIN)};
 
 /* Mitsuba's surfaces without a bsdf are a diffuse of reflectance 0.5, and lights without a bsdf black. */
 static void set_sides(Builder *builder, Node *node, Shape *shape)
@@ -240,7 +224,9 @@ static void set_sides(Builder *builder, Node *node, Shape *shape)
         fail(ref, "a second bsdf in <shape>, the first is in line %d", bsdf->line);
     shape->front = shape->back = MATERIAL_NONE;
     if (bsdf || ref) {
-        read_bsdf(builder, bsdf ? bsdf : ref, &shape->front, &shape->back);
+        const Node *material = read_bsdf(builder, bsdf ? bsdf : ref);
+        shape->front = material->front;
+        shape->back = material->back;
     } else if (!only_child(node, "emitter")) {
         if (builder->default_material == MATERIAL_NONE) {
             Material grey = {.kind = MATERIAL_DIFFUSE, .line = node->line, .as.diffuse = {{.5, .5, .5}}};
@@ -255,7 +241,7 @@ static void read_shape(Builder *builder, Node *node)
     Description *d = builder->description;
     int kind = find_plugin(node, shapes, COUNT(shapes));
     Shape shape = {.kind = (ShapeKind)kind, .line = node->line, .emitter = -1};
-    Said said = read_plugin(builder, node, shapes[kind], "bsdf ref emitter", &shape.as);
+    Said said = read_plugin(builder, node, shapes[kind], "<bsdf>, <ref>, <emitter>", &shape.as);
     Node *emitter = only_child(node, "emitter");
     set_sides(builder, node, &shape);
     if (emitter)
@@ -265,29 +251,10 @@ static void read_shape(Builder *builder, Node *node)
         d->emitter_count -= shape.emitter >= 0;
         return;
     }
-    d->shapes = room_for(d->shapes, d->shape_count, sizeof *d->shapes);
-    d->shapes[d->shape_count++] = shape;
+    PUSH(d->shapes, d->shape_count, shape);
 }
 
 /* Sensor and integrator. */
-
-static const Field film_fields[] = {
-    {"width", AS_INTEGER, offsetof(Sensor, width), "[1,65536]", "768"},
-    {"height", AS_INTEGER, offsetof(Sensor, height), "[1,65536]", "576"},
-    {"pixel_format", AS_WORD, NOWHERE, "rgb", "rgb"},
-    {"component_format", AS_WORD, NOWHERE, "float32", "float32"},
-    {0},
-};
-static const Field sampler_fields[] = {
-    {"sample_count", AS_INTEGER, offsetof(Description, sample_count), "[1,2147483647]", "4"},
-    {0},
-};
-static const Field path_fields[] = {
-    {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
-    {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
-    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"},
-    {0},
-};
 
 static void path_check(void *plugin, Said *said)
 {
@@ -296,13 +263,19 @@ static void path_check(void *plugin, Said *said)
         fail(given(said, "max_depth"), "\"max_depth\" 0 is a black image: -1 is without limit, 1 emission only");
 }
 
-static const Plugin box = {"box", no_fields, NULL}, hdrfilm = {"hdrfilm", film_fields, NULL},
-                    independent = {"independent", sampler_fields, NULL}, path = {"path", path_fields, path_check};
-static const Plugin *const sensors[] = {
-#define X(NAME, name, words) [SENSOR_##NAME] = &name##_plugin,
-    SENSORS(X)
-#undef X
-};
+static const Plugin path = {"path", path_check, {
+    {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
+    {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
+    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"}}};
+static const Plugin hdrfilm = {"hdrfilm", NULL, {
+    {"width", AS_INTEGER, offsetof(Sensor, width), "[1,65536]", "768"},
+    {"height", AS_INTEGER, offsetof(Sensor, height), "[1,65536]", "576"},
+    {"pixel_format", AS_WORD, NOWHERE, "rgb", "rgb"},
+    {"component_format", AS_WORD, NOWHERE, "float32", "float32"}}};
+static const Plugin box = {.types = "box"};
+static const Plugin independent = {"independent", NULL, {
+    {"sample_count", AS_INTEGER, offsetof(Description, sample_count), "[1,2147483647]", "4"}}};
+static const Plugin *const sensors[] = {SENSORS(PLUGIN)};
 
 static double derived(double side) { return fmin(fmax(rint(side), 1), 1 << 28); }
 
@@ -318,7 +291,7 @@ static void set_size(Sensor *sensor, const uint64_t size[2])
 
 static void read_film(Builder *builder, const Node *node, Sensor *sensor)
 {
-    read_only(builder, node, &hdrfilm, "rfilter", sensor);
+    read_only(builder, node, &hdrfilm, "<rfilter>", sensor);
     if (builder->size)
         set_size(sensor, builder->size);
     if ((int64_t)sensor->width * sensor->height > 1 << 28)
@@ -336,7 +309,7 @@ static void read_sensor(Builder *builder, const Node *node)
     int kind = find_plugin(node, sensors, COUNT(sensors));
     sensor->kind = (SensorKind)kind;
     sensor->line = node->line;
-    read_plugin(builder, node, sensors[kind], "film sampler", &sensor->as);
+    read_plugin(builder, node, sensors[kind], "<film>, <sampler>", &sensor->as);
     if (!film)
         fail(node, "<sensor> needs a <film type=\"hdrfilm\"> with <rfilter type=\"box\"/>");
     read_film(builder, film, sensor);
@@ -357,7 +330,7 @@ static void check_root(const Node *root)
     if (strspn(version, "0123456789.") != strlen(version)
         || sscanf(version, "%2d.%4d.%4d%c", &major, &minor, &patch, &more) != 3 || major != 3)
         fail(root, "scene version \"%.80s\" is not supported (3.0.0, or another 3.x.y)", version);
-    read_fields(root, no_fields, "default integrator sensor bsdf shape emitter", NULL, &said);
+    read_fields(root, &(Field){0}, "<default>, <integrator>, <sensor>, <bsdf>, <shape>, <emitter>", NULL, &said);
     if (!only_child(root, "integrator"))
         fail(root, "<scene> needs an <integrator type=\"path\"> with its max_depth");
     if (!only_child(root, "sensor"))
@@ -381,7 +354,7 @@ static void read_scene(Builder *builder, Node *root)
     int used_materials = d->material_count;       /* the bsdfs that no shape uses are checked and left out */
     for (Node *child = root->first; child; child = child->next)
         if (strcmp(child->tag, "bsdf") == 0)
-            read_bsdf(builder, child, &(int){0}, &(int){0});
+            read_bsdf(builder, child);
     d->material_count = used_materials;
 }
 
@@ -394,30 +367,33 @@ static void check_length(const char *file, int line, double length)
         die_at(file, line, "this reaches out to %.1g: %g is the longest length", fabs(length), LONGEST);
 }
 
-static void check_lengths(const Description *d, const char *file)
+static void check_box(const char *file, int line, const double low[3], const double high[3])
 {
-    SensorTraits sensor = sensor_traits(&d->sensor);
-    for (int axis = 0; axis < 3; axis++)
-        check_length(file, d->sensor.line, sensor.origin[axis]);
-    check_length(file, d->sensor.line, sensor.farthest);
-    for (int i = 0; i < d->shape_count; i++) {
-        Extent extent = shape_extent(&d->shapes[i]);
-        for (int axis = 0; axis < 3; axis++) {
-            check_length(file, d->shapes[i].line, extent.low[axis]);
-            check_length(file, d->shapes[i].line, extent.high[axis]);
-        }
-    }
-    for (int i = 0; i < d->emitter_count; i++) {
-        const double *position = emitter_traits(&d->emitters[i]).position;
-        for (int axis = 0; position && axis < 3; axis++)
-            check_length(file, d->emitters[i].line, position[axis]);
+    for (int axis = 0; axis < 3; axis++) {
+        check_length(file, line, low[axis]);
+        check_length(file, line, high[axis]);
     }
 }
 
-Description *description_read(
-    const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2])
+static void check_lengths(const Description *d, const char *file)
 {
-    SceneFile *scene = scene_file_open(file, parameters, parameter_count);
+    SensorTraits sensor = sensor_traits(&d->sensor);
+    check_box(file, d->sensor.line, sensor.origin, sensor.origin);
+    check_length(file, d->sensor.line, sensor.farthest);
+    for (int i = 0; i < d->shape_count; i++) {
+        Extent extent = shape_extent(&d->shapes[i]);
+        check_box(file, d->shapes[i].line, extent.low, extent.high);
+    }
+    for (int i = 0; i < d->emitter_count; i++) {
+        const double *position = emitter_traits(&d->emitters[i]).position;
+        if (position)
+            check_box(file, d->emitters[i].line, position, position);
+    }
+}
+
+Description *description_read(const char *file, const Parameter *given, int count, const uint64_t size[2])
+{
+    SceneFile *scene = scene_file_open(file, given, count);
     Description *d = allocate(1, sizeof *d);
     *d = (Description){.sample_count = 4, .hash = scene->hash};
     Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE, .size = size};

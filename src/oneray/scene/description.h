@@ -75,17 +75,16 @@ typedef struct {
     uint64_t hash; /* FNV-1a of the bytes of the file and of its mesh files, and the sorted -D parameters */
 } Description;
 
-/* One -Dname=value of the command line. */
+/* A name and its value, by one -Dname=value of the command line or by a <default>. */
 typedef struct {
     const char *name, *value;
-    bool used;
+    bool used, declared; /* the scene uses it; has a <default> for it */
 } Parameter;
 
 /* Reads FILE or ends the program with one line "FILE:LINE: …" on standard error and exit status 2. `size` is
    what the image's width and height shall be instead of the file's; 0 or NULL: the file's, or as the other one
    demands. */
-Description *description_read(
-    const char *file, Parameter *parameters, int parameter_count, const uint64_t size[2]);
+Description *description_read(const char *file, const Parameter *given, int count, const uint64_t size[2]);
 void description_free(Description *description);
 
 /* NAME_… of a kind's file answers. */

@@ -10,7 +10,6 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #define SMALLEST_SIZE (1.0 / 1024) /* of M: half the side of a shape, the radius of a sphere */
 #define SMALLEST_GAP (1.0 / 8192)  /* of M: between shapes, a light and a plane; how slim a mesh may be in the mean */
@@ -55,12 +54,10 @@ static double reach_of(const Description *d, double *extent)
 
 static bool odd_sensor(const Sensor *sensor, Reason reason)
 {
+    double pixel = sensor_traits(sensor).pixel;
     if (sensor->width > WIDEST_IMAGE || sensor->height > WIDEST_IMAGE)
         return because(reason, "an image of more than %d pixels a side", WIDEST_IMAGE);
-    double pixel = sensor_traits(sensor).pixel;
-    if (pixel < SMALLEST_PIXEL)
-        return because(reason, "a pixel of %.1g radians", pixel);
-    return false;
+    return pixel < SMALLEST_PIXEL && because(reason, "a pixel of %.1g radians", pixel);
 }
 
 /* L14, L15, L19 Materials: boundaries that hardly refract, surfaces that hardly absorb, long paths. */
@@ -79,9 +76,8 @@ static bool odd_material(const Description *d, Reason reason)
             most = fmax(most, albedo);
         }
     }
-    if ((d->max_depth < 0 || d->max_depth > DEEPEST) && pow(most, DEEPEST) > 1e-5)
-        return because(reason, "paths of more than %d vertices, reflectance %.4g", DEEPEST, most);
-    return false;
+    return (d->max_depth < 0 || d->max_depth > DEEPEST) && pow(most, DEEPEST) > 1e-5
+           && because(reason, "paths of more than %d vertices, reflectance %.4g", DEEPEST, most);
 }
 
 /* What the light gives at the scene's own distance, of the order of a radiance. */
@@ -105,76 +101,91 @@ static bool odd_range(const Description *d, double reach, Reason reason)
            && because(reason, "one light %.1g times as bright as another", brightest / dimmest);
 }
 
-static bool odd_light(const Emitter *light, double reach, Reason reason)
+static bool odd_light(const Description *d, double reach, Reason reason)
 {
-    EmitterTraits traits = emitter_traits(light);
-    for (int c = 0; c < 3; c++) {
-        double met = met_of(light, c, reach);
-        if (traits.emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
-            return because(reason, "line %d: a light of %.1g", light->line, traits.emission[c]);
+    for (int i = 0; i < d->emitter_count; i++) {
+        const Emitter *light = &d->emitters[i];
+        EmitterTraits traits = emitter_traits(light);
+        for (int c = 0; c < 3; c++) {
+            double met = met_of(light, c, reach);
+            if (traits.emission[c] > 0 && (met < DIMMEST || met > BRIGHTEST))
+                return because(reason, "line %d: a light of %.1g", light->line, traits.emission[c]);
+        }
+        if (traits.odd && emitter_has_power(light))
+            return because(reason, "line %d: %s", light->line, traits.odd);
     }
-    return traits.odd && emitter_has_power(light) && because(reason, "line %d: %s", light->line, traits.odd);
-}
-
-static bool odd_size(const Shape *shape, double reach, Reason reason)
-{
-    Extent size = shape_extent(shape);
-    if (size.least < SMALLEST_SIZE * reach)
-        return because(reason, "line %d: a shape of %.1g in a scene of %.1g", shape->line, size.least, reach);
-    if (size.height < SMALLEST_GAP * reach)
-        return because(reason, "line %d: triangles %.1g slim in a scene of %.1g", shape->line, size.height, reach);
     return false;
 }
 
-typedef struct {
-    double point[3], normal[3];
-} Plane;
+static bool odd_size(const Description *d, double reach, Reason reason)
+{
+    for (int i = 0; i < d->shape_count; i++) {
+        int line = d->shapes[i].line;
+        Extent size = shape_extent(&d->shapes[i]);
+        if (size.least < SMALLEST_SIZE * reach)
+            return because(reason, "line %d: a shape of %.1g in a scene of %.1g", line, size.least, reach);
+        if (size.height < SMALLEST_GAP * reach)
+            return because(reason, "line %d: triangles %.1g slim in a scene of %.1g", line, size.height, reach);
+    }
+    return false;
+}
+
+/* Along the plane's normal, from it to the point. */
+static double height_over(const Side *plane, const double p[3])
+{
+    double up[3];
+    difference(p, plane->middle, up);
+    return dot(plane->normal, up);
+}
+
+/* Lights in a point close to a plane. */
+static bool odd_height(const Description *d, double limit, Reason reason)
+{
+    for (int i = 0; i < d->shape_count; i++) {
+        Side plane = shape_side(&d->shapes[i], 0);
+        for (int k = 0; k < d->emitter_count && shape_planes(d->shapes[i].kind); k++) {
+            const Emitter *light = &d->emitters[k];
+            if (is_point(light) && fabs(height_over(&plane, emitter_traits(light).position)) < limit)
+                return because(reason, "line %d: a light in the plane of line %d", light->line, d->shapes[i].line);
+        }
+    }
+    return false;
+}
 
 /* A shape as the search for gaps sees it: its box, and the planes of a rectangle, disk or cube. */
 typedef struct {
     const Shape *shape;
-    double low[3], high[3];
+    Extent box;
     int plane_count;
-    Plane planes[6];
+    Side planes[6];
 } Body;
 
 static Body body_of(const Shape *shape)
 {
-    Body body = {.shape = shape, .plane_count = shape_planes(shape->kind)};
-    Extent extent = shape_extent(shape);
-    memcpy(body.low, extent.low, sizeof body.low);
-    memcpy(body.high, extent.high, sizeof body.high);
-    for (int k = 0; k < body.plane_count; k++) {
-        Side side = shape_side(shape, k);
-        memcpy(body.planes[k].point, side.middle, sizeof side.middle);
-        memcpy(body.planes[k].normal, side.normal, sizeof side.normal);
-    }
+    Body body = {.shape = shape, .box = shape_extent(shape), .plane_count = shape_planes(shape->kind)};
+    for (int k = 0; k < body.plane_count; k++)
+        body.planes[k] = shape_side(shape, k);
     return body;
 }
 
-/* Along the plane's normal, from it to the point. */
-static double height_over(const Plane *plane, const double p[3])
+/* Is it a sphere that shines, and near the other? Of a solid's planes it is from the farthest that it is below. */
+static bool shines_near(const Body *ball, const Body *other, double limit)
 {
-    double up[3];
-    difference(p, plane->point, up);
-    return dot(plane->normal, up);
-}
-
-/* How far the point is from a plane; or how far beyond one of a solid's: no further than from the solid. */
-static double height_over_all(const Body *body, const double p[3])
-{
-    double most = 0;
-    if (body->plane_count == 1)
-        return fabs(height_over(body->planes, p));
-    for (int k = 0; k < body->plane_count; k++)
-        most = fmax(most, height_over(&body->planes[k], p));
-    return most;
+    const Sphere *sphere = &ball->shape->as.sphere;
+    double height = 0;
+    if (ball->shape->kind != SHAPE_SPHERE || ball->shape->emitter < 0)
+        return false;
+    if (other->plane_count == 1)
+        return fabs(fabs(height_over(other->planes, sphere->center)) - sphere->radius) < 8 * limit;
+    for (int k = 0; k < other->plane_count; k++)
+        height = fmax(height, height_over(&other->planes[k], sphere->center));
+    return height - sphere->radius < 8 * limit;
 }
 
 /* Do two planes nearly coincide? What does coincide is no gap. */
-static bool nearly_coincide(const Plane *a, const Plane *b, double limit)
+static bool nearly_coincide(const Side *a, const Side *b, double limit)
 {
-    double height = fabs(height_over(a, b->point));
+    double height = fabs(height_over(a, b->middle));
     return fabs(dot(a->normal, b->normal)) > 0.999 && height > 0 && height < limit;
 }
 
@@ -183,54 +194,33 @@ static bool narrow(const Body *a, const Body *b, double limit)
 {
     double gap = 0;
     for (int axis = 0; axis < 3; axis++)
-        gap = fmax(gap, fmax(a->low[axis] - b->high[axis], b->low[axis] - a->high[axis]));
+        gap = fmax(gap, fmax(a->box.low[axis] - b->box.high[axis], b->box.low[axis] - a->box.high[axis]));
     if (gap > 0)
         return gap < limit;
-    for (int side = 0; side < 2; side++) {
-        const Body *ball = side ? b : a, *other = side ? a : b;
-        if (ball->shape->kind != SHAPE_SPHERE || ball->shape->emitter < 0)
-            continue;
-        if (!other->plane_count)
-            return true;
-        const Sphere *sphere = &ball->shape->as.sphere;
-        double apart = height_over_all(other, sphere->center) - sphere->radius;
-        apart = other->plane_count == 1 ? fabs(apart) : apart;
-        if (apart < 8 * limit)
-            return true;
-    }
+    bool found = shines_near(a, b, limit) || shines_near(b, a, limit);
     for (int i = 0; i < a->plane_count; i++)
         for (int k = 0; k < b->plane_count; k++)
-            if (nearly_coincide(&a->planes[i], &b->planes[k], limit))
-                return true;
-    return false;
+            found = found || nearly_coincide(&a->planes[i], &b->planes[k], limit);
+    return found;
 }
 
 static int by_low(const void *a, const void *b)
 {
-    const Body *p = a, *q = b;
-    return (p->low[0] > q->low[0]) - (p->low[0] < q->low[0]);
+    double p = ((const Body *)a)->box.low[0], q = ((const Body *)b)->box.low[0];
+    return (p > q) - (p < q);
 }
 
-/* Gaps, by a sweep along x; and lights in a point close to a plane. */
-static bool odd_gap(const Description *d, double reach, Reason reason)
+/* By a sweep along x. */
+static bool odd_gap(const Description *d, double limit, Reason reason)
 {
     int count = d->shape_count;
-    double limit = SMALLEST_GAP * reach;
-    Body *bodies = allocate((size_t)count + 1, sizeof *bodies);
+    Body *bodies = allocate((size_t)count, sizeof *bodies);
     bool found = false;
     for (int i = 0; i < count; i++)
         bodies[i] = body_of(&d->shapes[i]);
-    for (int i = 0; i < count && !found; i++)
-        for (int k = 0; k < d->emitter_count && bodies[i].plane_count && !found; k++) {
-            const Emitter *light = &d->emitters[k];
-            if (is_point(light)
-                && fabs(height_over(bodies[i].planes, emitter_traits(light).position)) < limit)
-                found = because(reason, "line %d: a light in the plane of line %d", light->line,
-                    bodies[i].shape->line);
-        }
     qsort(bodies, (size_t)count, sizeof *bodies, by_low);
     for (int i = 0; i < count && !found; i++)
-        for (int k = i + 1; k < count && bodies[k].low[0] <= bodies[i].high[0] + limit && !found; k++)
+        for (int k = i + 1; k < count && bodies[k].box.low[0] <= bodies[i].box.high[0] + limit && !found; k++)
             if (narrow(&bodies[i], &bodies[k], limit)) {
                 int one = bodies[i].shape->line, other = bodies[k].shape->line;
                 found = because(reason, "a gap between the shapes of lines %d and %d", one < other ? one : other,
@@ -240,25 +230,21 @@ static bool odd_gap(const Description *d, double reach, Reason reason)
     return found;
 }
 
+static bool odd_reach(const Description *d, double reach, double extent, Reason reason)
+{
+    if (!(reach > 1e-6 && reach < 1e6))
+        return because(reason, "a scene that reaches out to %.1g", reach);
+    return d->shape_count && reach > 16 * extent
+           && because(reason, "a scene of size %.1g at %.1g from the origin", extent, reach);
+}
+
 const char *precision_for(const Description *d, char *text, int size)
 {
     Reason reason = {text, size};
-    double extent = 0, reach = reach_of(d, &extent);
-    if (odd_sensor(&d->sensor, reason) || odd_material(d, reason))
-        return "double";
-    if (!(reach > 1e-6 && reach < 1e6))
-        return because(reason, "a scene that reaches out to %.1g", reach), "double";
-    if (d->shape_count && reach > 16 * extent)
-        return because(reason, "a scene of size %.1g at %.1g from the origin", extent, reach), "double";
-    if (odd_range(d, reach, reason))
-        return "double";
-    for (int i = 0; i < d->emitter_count; i++)
-        if (odd_light(&d->emitters[i], reach, reason))
-            return "double";
-    for (int i = 0; i < d->shape_count; i++)
-        if (odd_size(&d->shapes[i], reach, reason))
-            return "double";
-    if (odd_gap(d, reach, reason))
+    double extent = 0, reach = reach_of(d, &extent), gap = SMALLEST_GAP * reach;
+    if (odd_sensor(&d->sensor, reason) || odd_material(d, reason) || odd_reach(d, reach, extent, reason)
+        || odd_range(d, reach, reason) || odd_light(d, reach, reason) || odd_size(d, reach, reason)
+        || odd_height(d, gap, reason) || odd_gap(d, gap, reason))
         return "double";
     because(reason, "no small size, narrow gap, long path or extreme light");
     return "single";

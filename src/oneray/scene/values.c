@@ -11,41 +11,30 @@
 #include <strings.h>
 
 #define LARGEST 1e300
-static const char SEPARATORS[] = " ,\t\r\n";      /* between numbers */
+static const char SEPARATORS[] = " ,";            /* between numbers */
 
 /* The elements that may give a kind of property. */
 static const char *const elements_of_kind[] = {
     [AS_FLOAT] = "<float> or <integer>", [AS_COLOUR] = "<rgb>, <float> or <integer>",
     [AS_VECTOR] = "<point> or <vector>", [AS_INTEGER] = "<integer>", [AS_BOOLEAN] = "<boolean>",
     [AS_IOR] = "<float>, <integer> or <string>", [AS_STRING] = "<string>", [AS_WORD] = "<string>",
-    [AS_FILE] = "<string>", [AS_TRANSFORM] = "<transform>",
-};
+    [AS_FILE] = "<string>", [AS_TRANSFORM] = "<transform>"};
 
-static bool gives(const Node *node, FieldKind kind)
-{
-    char element[16];
-    int length = snprintf(element, sizeof element, "<%s>", node->tag);
-    return length < COUNT(element) && strstr(elements_of_kind[kind], element);
-}
+static bool gives(const Node *node, FieldKind kind) { return is_among(node, elements_of_kind[kind]); }
 
-/* A number and nothing else: neither nan, inf nor hexadecimal. */
+/* Spaces may stand around it. */
 static double parse_number(const Node *node, const char *text, size_t length)
 {
-    char digits[64], *end = digits;
-    while (length && isspace((unsigned char)*text))
+    double value;
+    while (length && *text == ' ')
         text++, length--;
-    while (length && isspace((unsigned char)text[length - 1]))
+    while (length && text[length - 1] == ' ')
         length--;
-    if (length && length < sizeof digits && strspn(text, "+-.0123456789eE") >= length) {
-        memcpy(digits, text, length);
-        digits[length] = '\0';
-        double value = strtod(digits, &end);
-        if (*end == '\0' && !(fabs(value) <= LARGEST))
-            fail(node, "%s is too large: %g is the largest number", digits, LARGEST);
-        if (*end == '\0')
-            return value;
-    }
-    fail(node, "\"%.*s\" is not a number", (int)(length < 80 ? length : 80), text);
+    if (length >= 64 || !is_number(text, length, &value))
+        fail(node, "\"%.*s\" is not a number", (int)(length < 80 ? length : 80), text);
+    if (!(fabs(value) <= LARGEST))
+        fail(node, "%.*s is too large: %g is the largest number", (int)length, text, LARGEST);
+    return value;
 }
 
 static int count_numbers(const char *text)
@@ -56,16 +45,14 @@ static int count_numbers(const char *text)
     return count;
 }
 
-/* Reads as many numbers as the text has, at most 16, and returns how many. */
-static int parse_numbers(const Node *node, const char *text, double *numbers)
+/* All of them. */
+static void parse_numbers(const Node *node, const char *text, double *numbers)
 {
-    int count = 0;
-    for (text += strspn(text, SEPARATORS); *text && count < 16; text += strspn(text, SEPARATORS)) {
+    for (text += strspn(text, SEPARATORS); *text; text += strspn(text, SEPARATORS)) {
         size_t length = strcspn(text, SEPARATORS);
-        numbers[count++] = parse_number(node, text, length);
+        *numbers++ = parse_number(node, text, length);
         text += length;
     }
-    return count;
 }
 
 /* The text of an attribute with one or three numbers; one stands for three equal ones. */
@@ -75,10 +62,9 @@ static void parse_triple(const Node *node, const char *name, const char *text, b
     if (count != 3 && !(count == 1 && one_will_do))
         fail(node, "<%s %s=\"%.80s\">: %s numbers are wanted, not %d", node->tag, name, text,
              one_will_do ? "one or three" : "three", count);
-    double numbers[16];
-    parse_numbers(node, text, numbers);
-    for (int i = 0; i < 3; i++)
-        triple[i] = numbers[count == 3 ? i : 0];
+    parse_numbers(node, text, triple);
+    if (count == 1)
+        triple[1] = triple[2] = triple[0];
 }
 
 /* value="x y z" or x, y and z apart. Without all_needed, those left out keep what triple holds. */
@@ -248,15 +234,10 @@ static void check_range(const Node *node, const Field *field, double value)
 /* Which word of the range it is. */
 static int parse_word(const Node *node, const Field *field, const char *text)
 {
-    const char *found = find_word(field->range, text);
-    Text list = {0};
-    int number = 0;
-    for (const char *at = field->range; at < found; at++)
-        number += *at == ' ';
-    if (found)
-        return number;
-    append_words(&list, "", field->range, "");
-    fail(node, "\"%s\" = \"%.80s\" is not supported (%s)", field->name, text, list.text);
+    int found = find_word(field->range, text);
+    if (found < 0)
+        fail(node, "\"%s\" = \"%.80s\" is not supported (%s)", field->name, text, field->range);
+    return found;
 }
 
 /* Indices of refraction by Mitsuba's names, at 589.3 nm. */
@@ -269,8 +250,7 @@ static const struct {
     {"carbon tetrachloride", 1.461}, {"glycerol", 1.4729}, {"benzene", 1.501}, {"silicone oil", 1.52045},
     {"bromine", 1.661}, {"water ice", 1.31}, {"fused quartz", 1.458}, {"pyrex", 1.470},
     {"acrylic glass", 1.49}, {"polypropylene", 1.49}, {"bk7", 1.5046}, {"sodium chloride", 1.544},
-    {"amber", 1.55}, {"pet", 1.5750}, {"diamond", 2.419},
-};
+    {"amber", 1.55}, {"pet", 1.5750}, {"diamond", 2.419}};
 
 /* An index of refraction: a number, or as <string> the name of a medium. */
 static double parse_ior(const Node *node, const char *text)
@@ -281,10 +261,8 @@ static double parse_ior(const Node *node, const char *text)
     for (int i = 0; i < COUNT(mediums); i++)
         if (strcmp(mediums[i].name, text) == 0)
             return mediums[i].ior;
-    for (int i = 0; i < COUNT(mediums); i++) {
-        append(&list, i ? ", " : "", i ? 2 : 0);
-        append(&list, mediums[i].name, strlen(mediums[i].name));
-    }
+    for (int i = 0; i < COUNT(mediums); i++)
+        append_word(&list, mediums[i].name);
     fail(node, "no medium is called \"%.80s\" (%s)", text, list.text);
 }
 
@@ -294,32 +272,32 @@ static char *parse_path(const Node *node, const char *name)
     Text path = {0};
     const char *slash = strrchr(node->file, '/');
     if (*name != '/' && slash)
-        append(&path, node->file, (size_t)(slash - node->file) + 1);
-    append(&path, name, strlen(name));
+        append(&path, "%.*s/", (int)(slash - node->file), node->file);
+    append(&path, "%s", name);
     return path.text;
 }
 
-/* How many numbers have a range. */
-static int read_numbers(const Node *node, FieldKind kind, const char *text, double *to)
-{
-    switch (kind) {
-    case AS_FLOAT: *to = parse_real(node, text); return 1;
-    case AS_IOR: *to = parse_ior(node, text); return 1;
-    case AS_VECTOR: parse_xyz(node, text, true, to); return 3;
-    default:
-        if (gives(node, AS_FLOAT))
-            to[0] = to[1] = to[2] = parse_real(node, text);
-        else
-            parse_triple(node, "value", text, true, to);
-        return 3;
-    }
-}
-
 /* Puts the value into its place. `node` is the property, or for a default the element without it. */
-static void read_value(const Node *node, const Field *field, const char *text, void *to)
+static void read_value(const Node *node, const Field *field, const char *text, void *plugin)
 {
-    int count = 0;
+    Affine nowhere;
+    void *to = field->offset == NOWHERE ? (void *)&nowhere : (char *)plugin + field->offset;
+    double *numbers = to;
+    int count = 0;                                /* of the numbers that the range is for */
     switch (field->kind) {
+    case AS_FLOAT: numbers[count++] = parse_real(node, text); break;
+    case AS_IOR: numbers[count++] = parse_ior(node, text); break;
+    case AS_VECTOR:
+        parse_xyz(node, text, true, numbers);
+        count = 3;
+        break;
+    case AS_COLOUR:
+        if (gives(node, AS_FLOAT))
+            numbers[0] = numbers[1] = numbers[2] = parse_real(node, text);
+        else
+            parse_triple(node, "value", text, true, numbers);
+        count = 3;
+        break;
     case AS_INTEGER:
         *(int *)to = parse_integer(node, text);
         if (field->range)
@@ -330,29 +308,21 @@ static void read_value(const Node *node, const Field *field, const char *text, v
     case AS_WORD: *(int *)to = parse_word(node, field, text); break;
     case AS_TRANSFORM: *(Affine *)to = parse_transform(node); break;
     case AS_FILE: ((File *)to)->name = parse_path(node, text); break;
-    default: count = read_numbers(node, field->kind, text, to);
     }
     for (int i = 0; field->range && i < count; i++)
-        check_range(node, field, ((double *)to)[i]);
+        check_range(node, field, numbers[i]);
 }
 
-static void *place_of(const Field *field, void *to, Affine *nowhere)
+static void read_default(const Node *node, const Field *field, void *plugin)
 {
-    return field->offset == NOWHERE ? (void *)nowhere : (char *)to + field->offset;
-}
-
-static void read_default(const Node *node, const Field *field, void *to)
-{
-    Affine nowhere;
     const char *elements = elements_of_kind[field->kind];
     if (!field->otherwise)
         fail(node, "%s needs %.*s name=\"%s\" value=\"...\"/>", describe(node), (int)strcspn(elements, ">"), elements,
              field->name);
-    to = place_of(field, to, &nowhere);
     if (field->kind == AS_TRANSFORM)
-        *(Affine *)to = affine_identity();
+        *(Affine *)((char *)plugin + field->offset) = affine_identity();
     else if (*field->otherwise)
-        read_value(node, field, field->otherwise, to);
+        read_value(node, field, field->otherwise, plugin);
 }
 
 /* What an element takes, for a message. */
@@ -360,8 +330,8 @@ static const char *taken(const Field *fields, const char *objects)
 {
     Text list = {0};
     for (; fields->name; fields++)
-        append_words(&list, "", fields->name, "");
-    append_words(&list, "<", objects, ">");
+        append_word(&list, fields->name);
+    append_word(&list, objects);
     return list.length ? list.text : "none";
 }
 
@@ -371,7 +341,7 @@ static const Field *find_field(const Node *child, const Field *fields, const cha
     bool is_property = false;
     for (int i = 0; i < COUNT(elements_of_kind); i++)
         is_property = is_property || gives(child, (FieldKind)i);
-    if (!is_property && find_word(objects, child->tag))
+    if (!is_property && is_among(child, objects))
         return NULL;
     if (!is_property)
         fail(child, "<%s> is not supported in %s (%s)", child->tag, describe(child->parent), taken(fields, objects));
@@ -384,7 +354,6 @@ static const Field *find_field(const Node *child, const Field *fields, const cha
 
 void read_fields(const Node *node, const Field *fields, const char *objects, void *to, Said *said)
 {
-    Affine nowhere;
     *said = (Said){.file = node->file, .line = node->line, .type = attribute(node, "type"), .fields = fields};
     for (const Node *child = node->first; child; child = child->next) {
         const Field *field = find_field(child, fields, objects);
@@ -399,7 +368,7 @@ void read_fields(const Node *node, const Field *fields, const char *objects, voi
         if (child->first && field->kind != AS_TRANSFORM)
             fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);
         *place = (Place){child->file, child->line};
-        read_value(child, field, attribute(child, "value"), place_of(field, to, &nowhere));
+        read_value(child, field, attribute(child, "value"), to);
     }
     for (const Field *field = fields; field->name; field++)
         if (!said->place[field - fields].line)

@@ -4,16 +4,13 @@
 
 #include "fields.h"
 #include "scene/description.h"
-
-typedef struct { char *name, *value; } Attribute;
+#include "text.h"
 
 typedef struct Node Node;
 struct Node {
     const char *file;
     int line;
-    char *tag;
-    Attribute *attributes;
-    int attribute_count;
+    char *tag, **attributes;                      /* name, value, name, value, …, NULL */
     Node *parent, *first, *last, *next;           /* the first and last child, the next sibling */
     enum { UNREAD, BEING_READ, READ } state;      /* of a bsdf, which many shapes may refer to */
     int front, back;                              /* its materials by side, once it is read */
@@ -30,22 +27,17 @@ typedef struct {
 char *read_file(const char *file, size_t most_mib, const Place *named_by, size_t *size);
 uint64_t hash_bytes(uint64_t hash, const char *bytes, size_t size);
 
-SceneFile *scene_file_open(const char *file, Parameter *parameters, int parameter_count);
+SceneFile *scene_file_open(const char *file, const Parameter *given, int count);
 void scene_file_close(SceneFile *scene);
 Node *find_id(const SceneFile *scene, const char *id);        /* or NULL */
 const char *attribute(const Node *node, const char *name);    /* or NULL */
-
 const char *describe(const Node *node);                       /* for a message: <bsdf type="diffuse"> */
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
-/* A growing text, for messages that list what is supported and for attributes with $parameters. */
-typedef struct { char *text; size_t length; } Text;
-
-void append(Text *text, const char *piece, size_t length);
-void append_words(Text *text, const char *before, const char *words, const char *after);   /* by commas */
-const char *find_word(const char *list, const char *word);    /* in "some words needed!", or NULL */
+/* Is it one of the elements of a list, "<bsdf>, <ref>"? */
+bool is_among(const Node *node, const char *elements);
 
 /* Fills `to` by the table with the element's properties, and `said` with where they are. A child that is neither a
-   property of the table nor one of the objects, a list of tags such as "bsdf ref", is an error. */
+   property of the table nor one of the objects, "<bsdf>, <ref>", is an error. */
 void read_fields(const Node *node, const Field *fields, const char *objects, void *to, Said *said);

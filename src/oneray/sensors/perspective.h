@@ -13,14 +13,6 @@ typedef struct perspective {
 } Perspective;
 
 enum { FOV_X, FOV_Y, FOV_DIAGONAL, FOV_SMALLER, FOV_LARGER };
-static const Field perspective_fields[] = {
-    {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},
-    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x y diagonal smaller larger", "x"},
-    {"near_clip", AS_FLOAT, offsetof(Perspective, near_clip), "(0,inf)", ".01"},
-    {"far_clip", AS_FLOAT, offsetof(Perspective, far_clip), "(0,inf)", "1e4"},
-    {"to_world", AS_TRANSFORM, offsetof(Perspective, to_world), NULL, ""},
-    {0},
-};
 
 static inline void perspective_check(void *plugin, Said *said)
 {
@@ -32,7 +24,12 @@ static inline void perspective_check(void *plugin, Said *said)
     if (fabs(affine_uniform_scale(&s->to_world, 1e-3) - 1) > 1e-3)
         fail(given(said, "to_world"), "\"to_world\" of a sensor must not scale or shear");
 }
-static const Plugin perspective_plugin = {"perspective", perspective_fields, perspective_check};
+static const Plugin perspective_plugin = {"perspective", perspective_check, {
+    {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},
+    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x, y, diagonal, smaller, larger", "x"},
+    {"near_clip", AS_FLOAT, offsetof(Perspective, near_clip), "(0,inf)", ".01"},
+    {"far_clip", AS_FLOAT, offsetof(Perspective, far_clip), "(0,inf)", "1e4"},
+    {"to_world", AS_TRANSFORM, offsetof(Perspective, to_world), NULL, ""}}};
 
 /* Half extents of an image of this aspect, width over height, at distance 1. */
 static inline void perspective_extent(const Perspective *s, double aspect, double half[2])

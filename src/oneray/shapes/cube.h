@@ -7,7 +7,7 @@ typedef struct cube {
     Placed placed;
 } Cube;
 
-static const Plugin cube_plugin = {"cube", placed_fields, NULL};
+static const Plugin cube_plugin = {"cube", NULL, {PLACED_FIELDS}};
 
 enum { cube_planes = 6 };
 static inline Side cube_side(const Cube *s, int k) { return placed_side(&s->placed, k / 2, 1 - 2 * (k % 2)); }

@@ -7,7 +7,7 @@ typedef struct disk {
     Placed placed;
 } Disk;
 
-static const Plugin disk_plugin = {"disk", placed_fields, NULL};
+static const Plugin disk_plugin = {"disk", NULL, {PLACED_FIELDS}};
 
 enum { disk_planes = 1 };
 static inline Side disk_side(const Disk *s, int k)

@@ -17,14 +17,6 @@ typedef struct mesh {
     Extent extent;
 } MeshShape;
 
-static const Field mesh_fields[] = {
-    {"filename", AS_FILE, offsetof(MeshShape, filename), NULL, NULL},
-    {"to_world", AS_TRANSFORM, offsetof(MeshShape, placed.to_world), NULL, ""},
-    {"flip_normals", AS_BOOLEAN, offsetof(MeshShape, placed.flip_normals), NULL, "false"},
-    {"face_normals", AS_BOOLEAN, offsetof(MeshShape, face_normals), NULL, "false"},
-    {0},
-};
-
 static inline Side mesh_side(const MeshShape *s, int k)
 {
     Side side;
@@ -90,7 +82,10 @@ static inline void mesh_check(void *plugin, Said *said)
     mesh_append(all, &mesh);
     s->extent = mesh_measure(s);
 }
-static const Plugin mesh_plugin = {"ply obj", mesh_fields, mesh_check};
+static const Plugin mesh_plugin = {"ply, obj", mesh_check, {
+    {"filename", AS_FILE, offsetof(MeshShape, filename), NULL, NULL},
+    PLACED_FIELDS,
+    {"face_normals", AS_BOOLEAN, offsetof(MeshShape, face_normals), NULL, "false"}}};
 
 enum { mesh_planes = 0 };
 

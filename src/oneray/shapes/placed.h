@@ -12,11 +12,9 @@ typedef struct {
     bool flip_normals;
 } Placed;
 
-static const Field placed_fields[] = {
-    {"to_world", AS_TRANSFORM, offsetof(Placed, to_world), NULL, ""},
-    {"flip_normals", AS_BOOLEAN, offsetof(Placed, flip_normals), NULL, "false"},
-    {0},
-};
+#define PLACED_FIELDS                                                                                        \
+    {"to_world", AS_TRANSFORM, offsetof(Placed, to_world), NULL, ""},                                        \
+    {"flip_normals", AS_BOOLEAN, offsetof(Placed, flip_normals), NULL, "false"}
 
 /* A side, each of which shines as a light of its own. */
 typedef struct {

@@ -7,7 +7,7 @@ typedef struct rectangle {
     Placed placed;
 } Rectangle;
 
-static const Plugin rectangle_plugin = {"rectangle", placed_fields, NULL};
+static const Plugin rectangle_plugin = {"rectangle", NULL, {PLACED_FIELDS}};
 
 enum { rectangle_planes = 1 };
 static inline Side rectangle_side(const Rectangle *s, int k) { return (void)k, placed_side(&s->placed, 2, 0); }

@@ -9,14 +9,6 @@ typedef struct sphere {
     double center[3], radius;
 } Sphere;
 
-static const Field sphere_fields[] = {
-    {"to_world", AS_TRANSFORM, offsetof(Sphere, placed.to_world), NULL, ""},
-    {"center", AS_VECTOR, offsetof(Sphere, center), NULL, "0"},
-    {"radius", AS_FLOAT, offsetof(Sphere, radius), "[0,inf)", "1"},
-    {"flip_normals", AS_BOOLEAN, offsetof(Sphere, placed.flip_normals), NULL, "false"},
-    {0},
-};
-
 /* A mirrored sphere is turned inside out, as in Mitsuba; apart from that neither a mirroring nor a rotation shows. */
 static inline void sphere_check(void *plugin, Said *said)
 {
@@ -33,7 +25,11 @@ static inline void sphere_check(void *plugin, Said *said)
     if (!(s->radius > 0))
         said->left_out = "this sphere has no size and is left out";
 }
-static const Plugin sphere_plugin = {"sphere", sphere_fields, sphere_check};
+static const Plugin sphere_plugin = {"sphere", sphere_check, {
+    {"to_world", AS_TRANSFORM, offsetof(Sphere, placed.to_world), NULL, ""},
+    {"center", AS_VECTOR, offsetof(Sphere, center), NULL, "0"},
+    {"radius", AS_FLOAT, offsetof(Sphere, radius), "[0,inf)", "1"},
+    {"flip_normals", AS_BOOLEAN, offsetof(Sphere, placed.flip_normals), NULL, "false"}}};
 
 enum { sphere_planes = 0 };
 static inline Side sphere_side(const Sphere *s, int k)
