@@ -63,7 +63,7 @@ def test_includes_go_one_way() -> None:
 def test_no_header_includes_itself_by_others() -> None:
     """Within a folder, too, there is a first and a last."""
     graph = {
-        path.relative_to(SOURCES).as_posix(): [name for name in includes(path) if not name.startswith("kinds/")]
+        path.relative_to(SOURCES).as_posix(): [n for n in includes(path) if not n.startswith("kinds/")]
         for path in SOURCES.rglob("*.h")
     }
     done: set[str] = set()
