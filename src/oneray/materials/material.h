@@ -1,7 +1,7 @@
 /* What all materials share: their rows, a surface point as a material sees it, and how a path goes on from one.
 
    materials/NAME.h defines, for a kind of the list MATERIALS in kinds.h,
-     Name, name_fields   what a scene file says of it
+     Name, name_plugin   what a scene file says of it
      NameRow, name_row   its numbers as a kernel has them, the reflectance first, and how they come about
      name_transmits      trait: light goes through
      name_sample         one direction that the path goes on by
