@@ -66,46 +66,32 @@ void die_interrupted(void)
     exit(2);
 }
 
-static void say(const char *prefix, const char *format, va_list arguments)
+void die_at(const char *file, int line, const char *format, ...)
 {
+    va_list arguments;
     fflush(stdout);
-    fputs(prefix, stderr);
+    if (file)
+        fprintf(stderr, "%s:%d: ", file, line);
+    else
+        fputs("oneray: ", stderr);
+    va_start(arguments, format);
     vfprintf(stderr, format, arguments);
+    va_end(arguments);
     fputc('\n', stderr);
-}
-
-NORETURN static void give_up(void)
-{
     if (is_unfinished)
         unlink(unfinished);
     exit(2);
 }
 
-void die(const char *format, ...)
-{
-    va_list arguments;
-    va_start(arguments, format);
-    say("oneray: ", format, arguments);
-    va_end(arguments);
-    give_up();
-}
-
-void die_at(const char *file, int line, const char *format, ...)
-{
-    va_list arguments;
-    fprintf(stderr, "%s:%d: ", file, line);
-    va_start(arguments, format);
-    say("", format, arguments);
-    va_end(arguments);
-    give_up();
-}
-
 void warn(const char *format, ...)
 {
     va_list arguments;
+    fflush(stdout);
+    fputs("oneray: warning: ", stderr);
     va_start(arguments, format);
-    say("oneray: warning: ", format, arguments);
+    vfprintf(stderr, format, arguments);
     va_end(arguments);
+    fputc('\n', stderr);
 }
 
 void *allocate(size_t count, size_t size)

@@ -12,16 +12,16 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Say "oneray: …", "FILE:LINE: …" and "oneray: warning: …". */
-NORETURN void die(const char *format, ...) PRINTF_LIKE(1, 2);
+/* Say "FILE:LINE: …", "oneray: …" and "oneray: warning: …". */
 NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);
+#define die(...) die_at(NULL, 0, __VA_ARGS__)
+void warn(const char *format, ...) PRINTF_LIKE(1, 2);
 typedef struct {
     const char *file;
     int line;
 } Place;
 /* What stands at a place, or at whatever has a file and a line, is wrong. */
 #define fail(at, ...) die_at((at)->file, (at)->line, __VA_ARGS__)
-void warn(const char *format, ...) PRINTF_LIKE(1, 2);
 
 /* A file that is being written under a temporary name: removed by die(), and by a signal. NULL when there is
    none. */

@@ -73,11 +73,10 @@ static Node *only_child(const Node *node, const char *tag)
 {
     Node *found = NULL;
     for (Node *child = node->first; child; child = child->next) {
-        if (strcmp(child->tag, tag) != 0)
-            continue;
-        if (found)
+        bool is = strcmp(child->tag, tag) == 0;
+        if (is && found)
             fail(child, "a second <%s> in <%s>, the first is in line %d", tag, node->tag, found->line);
-        found = child;
+        found = is ? child : found;
     }
     return found;
 }

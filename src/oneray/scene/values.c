@@ -13,14 +13,17 @@
 #define LARGEST 1e300
 static const char SEPARATORS[] = " ,";            /* between numbers */
 
-/* The elements that may give a kind of property. */
-static const char *const elements_of_kind[] = {
-    [AS_FLOAT] = "<float> or <integer>", [AS_COLOUR] = "<rgb>, <float> or <integer>",
-    [AS_VECTOR] = "<point> or <vector>", [AS_INTEGER] = "<integer>", [AS_BOOLEAN] = "<boolean>",
-    [AS_IOR] = "<float>, <integer> or <string>", [AS_STRING] = "<string>", [AS_WORD] = "<string>",
-    [AS_FILE] = "<string>", [AS_TRANSFORM] = "<transform>"};
+/* The elements that may give a kind of property; and of how many numbers it is, each in the range. */
+static const struct {
+    const char *elements;
+    int numbers;
+} kinds[] = {
+    [AS_FLOAT] = {"<float> or <integer>", 1}, [AS_IOR] = {"<float>, <integer> or <string>", 1},
+    [AS_COLOUR] = {"<rgb>, <float> or <integer>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
+    [AS_INTEGER] = {"<integer>", 0}, [AS_BOOLEAN] = {"<boolean>", 0}, [AS_STRING] = {"<string>", 0},
+    [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0}};
 
-static bool gives(const Node *node, FieldKind kind) { return is_among(node, elements_of_kind[kind]); }
+static bool gives(const Node *node, FieldKind kind) { return is_among(node, kinds[kind].elements); }
 
 /* Spaces may stand around it. */
 static double parse_number(const Node *node, const char *text, size_t length)
@@ -277,45 +280,41 @@ static char *parse_path(const Node *node, const char *name)
     return path.text;
 }
 
+/* One number, or <rgb> with one or three. */
+static void parse_colour(const Node *node, const char *text, double colour[3])
+{
+    if (gives(node, AS_FLOAT))
+        colour[0] = colour[1] = colour[2] = parse_real(node, text);
+    else
+        parse_triple(node, "value", text, true, colour);
+}
+
 /* Puts the value into its place. `node` is the property, or for a default the element without it. */
 static void read_value(const Node *node, const Field *field, const char *text, void *plugin)
 {
     Affine nowhere;
     void *to = field->offset == NOWHERE ? (void *)&nowhere : (char *)plugin + field->offset;
-    double *numbers = to;
-    int count = 0;                                /* of the numbers that the range is for */
     switch (field->kind) {
-    case AS_FLOAT: numbers[count++] = parse_real(node, text); break;
-    case AS_IOR: numbers[count++] = parse_ior(node, text); break;
-    case AS_VECTOR:
-        parse_xyz(node, text, true, numbers);
-        count = 3;
-        break;
-    case AS_COLOUR:
-        if (gives(node, AS_FLOAT))
-            numbers[0] = numbers[1] = numbers[2] = parse_real(node, text);
-        else
-            parse_triple(node, "value", text, true, numbers);
-        count = 3;
-        break;
-    case AS_INTEGER:
-        *(int *)to = parse_integer(node, text);
-        if (field->range)
-            check_range(node, field, *(int *)to);
-        break;
+    case AS_FLOAT: *(double *)to = parse_real(node, text); break;
+    case AS_IOR: *(double *)to = parse_ior(node, text); break;
+    case AS_COLOUR: parse_colour(node, text, to); break;
+    case AS_VECTOR: parse_xyz(node, text, true, to); break;
+    case AS_INTEGER: *(int *)to = parse_integer(node, text); break;
     case AS_BOOLEAN: *(bool *)to = parse_boolean(node, text); break;
     case AS_STRING: *(const char **)to = text; break;
     case AS_WORD: *(int *)to = parse_word(node, field, text); break;
     case AS_TRANSFORM: *(Affine *)to = parse_transform(node); break;
     case AS_FILE: ((File *)to)->name = parse_path(node, text); break;
     }
-    for (int i = 0; field->range && i < count; i++)
-        check_range(node, field, numbers[i]);
+    if (field->range && field->kind == AS_INTEGER)
+        check_range(node, field, *(int *)to);
+    for (int i = 0; field->range && i < kinds[field->kind].numbers; i++)
+        check_range(node, field, ((double *)to)[i]);
 }
 
 static void read_default(const Node *node, const Field *field, void *plugin)
 {
-    const char *elements = elements_of_kind[field->kind];
+    const char *elements = kinds[field->kind].elements;
     if (!field->otherwise)
         fail(node, "%s needs %.*s name=\"%s\" value=\"...\"/>", describe(node), (int)strcspn(elements, ">"), elements,
              field->name);
@@ -339,7 +338,7 @@ static const char *taken(const Field *fields, const char *objects)
 static const Field *find_field(const Node *child, const Field *fields, const char *objects)
 {
     bool is_property = false;
-    for (int i = 0; i < COUNT(elements_of_kind); i++)
+    for (int i = 0; i < COUNT(kinds); i++)
         is_property = is_property || gives(child, (FieldKind)i);
     if (!is_property && is_among(child, objects))
         return NULL;
@@ -363,7 +362,7 @@ void read_fields(const Node *node, const Field *fields, const char *objects, voi
         if (place->line)
             fail(child, "\"%s\" is given twice, first in line %d", field->name, place->line);
         if (!gives(child, field->kind))
-            fail(child, "\"%s\" must be given as %s, not as <%s>", field->name, elements_of_kind[field->kind],
+            fail(child, "\"%s\" must be given as %s, not as <%s>", field->name, kinds[field->kind].elements,
                  child->tag);
         if (child->first && field->kind != AS_TRANSFORM)
             fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);

@@ -71,10 +71,7 @@ typedef struct {
     size_t expanded;                              /* bytes of all values, $parameters replaced */
 } Reader;
 
-static int line_of(const Reader *reader)
-{
-    return (int)XML_GetCurrentLineNumber(reader->parser);
-}
+static int line_of(const Reader *reader) { return (int)XML_GetCurrentLineNumber(reader->parser); }
 
 static const char *defaults_list(const Reader *reader)
 {
@@ -100,7 +97,7 @@ static Parameter *parameter_at(Reader *reader, const char *text)
 
 /* A copy of text with each $name replaced; \$ is a plain $. Control characters become spaces, so that
    messages are one line. */
-static char *substitute(Reader *reader, const char *text)
+static char *substitute(Reader *reader, const Node *node, const char *text)
 {
     Text result = {0};
     do {
@@ -113,18 +110,18 @@ static char *substitute(Reader *reader, const char *text)
         } else if (*text == '$') {
             Parameter *parameter = parameter_at(reader, ++text);
             if (!parameter)
-                die_at(reader->file, line_of(reader), "undefined parameter $%.*s (defaults before it: %s)",
-                       (int)strspn(text, NAME_CHARACTERS), text, defaults_list(reader));
+                fail(node, "undefined parameter $%.*s (defaults before it: %s)", (int)strspn(text, NAME_CHARACTERS), text,
+                     defaults_list(reader));
             append(&result, "%s", parameter->value);
             text += strlen(parameter->name);
             parameter->used = true;
         }
         if (result.length > MAX_VALUE)
-            die_at(reader->file, line_of(reader), "a value of more than %d bytes", MAX_VALUE);
+            fail(node, "a value of more than %d bytes", MAX_VALUE);
     } while (*text);
     reader->expanded += result.length;
     if (reader->expanded >> 20 >= MAX_MIB)
-        die_at(reader->file, line_of(reader), "with the $parameters replaced, larger than %d MiB", MAX_MIB);
+        fail(node, "with the $parameters replaced, larger than %d MiB", MAX_MIB);
     for (char *c = result.text; *c; c++)
         if (iscntrl((unsigned char)*c))
             *c = ' ';
@@ -191,7 +188,7 @@ static void XMLCALL on_start(void *data, const char *tag, const char **attribute
         count++;
     node->attributes = allocate(count + 1, sizeof *node->attributes);
     for (size_t i = 0; i < count; i++)
-        node->attributes[i] = i % 2 ? substitute(reader, attributes[i]) : copy(attributes[i]);
+        node->attributes[i] = i % 2 ? substitute(reader, node, attributes[i]) : copy(attributes[i]);
     for (int i = 0; i < COUNT(tags); i++)         /* of an unknown element its parent says what it takes */
         if (is_among(node, tags[i].elements))
             check_attributes(node, tags[i].attributes, tags[i].needed);
@@ -293,8 +290,9 @@ static int by_this_id(const void *id, const void *node)
 
 Node *find_id(const SceneFile *scene, const char *id)
 {
-    Node **found = scene->id_count ? bsearch(id, scene->by_id, (size_t)scene->id_count, sizeof *scene->by_id, by_this_id)
-                                   : NULL;
+    Node **found = NULL;
+    if (scene->id_count)
+        found = bsearch(id, scene->by_id, (size_t)scene->id_count, sizeof *found, by_this_id);
     return found ? *found : NULL;
 }
 
