@@ -1,5 +1,5 @@
-"""What kinds.h promises: a new kind of thing is a file and a line. Two that oneray does not have are added to a
-copy of the sources, and everything that asks for a material or a light in general serves them.
+"""What kinds.h promises: a new kind of thing is a file and a line. Two that oneray does not have are added to
+a copy of the sources, and all that asks for a material or a light in general serves them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ LINES = {
 """Of kinds.h, and what is put behind them."""
 
 WAYS = (
-    "--estimator walk", "--estimator nee", "", "--hemisphere uniform", "--mis-pdf survival", "--estimator light",
+    "--estimator walk", "--estimator nee", "", "--hemisphere uniform", "--mis-pdf survival",
+    "--estimator light",
 )  # fmt: skip
 LIGHT_WAYS = ("--estimator nee", "", "--light-choice learned", "--light-choice uniform", "--estimator light")
 REFLECTANCE, TRANSMITTANCE = np.array([0.5, 0.3, 0.0]), np.array([0.3, 0.5, 0.6])
@@ -107,8 +108,8 @@ SPOT = """<emitter type="{kind}"><transform name="to_world"><lookat origin="{x},
 
 
 def irradiance_of_spots(radius: float) -> float:
-    """Of the origin, by spots of intensity 1 in all points of a disk of that radius two metres above it: the mean
-    over the disk, by quadrature.
+    """Of the origin, by spots of intensity 1 in all points of a disk of that radius two metres above it: the
+    mean over the disk, by quadrature.
     """
     r = radius * np.sqrt((np.arange(4000) + 0.5) / 4000)
     cosine = 2 / np.hypot(r, 2)
