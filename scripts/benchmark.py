@@ -36,7 +36,7 @@ from benchmark_measure import measure_scene
 from benchmark_scenes import SCENES, BenchScene
 
 from raycheck import speed
-from raycheck.verify import machine as processor
+from raycheck.base.machine import machine as processor
 
 QUICK_SCENE, QUICK_POINTS, QUICK_SECONDS = "cornell-2", 3, 0.03
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import mitsuba_worker
-from raycheck.images import load_image
+from raycheck.base.images import load_image
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build" / "benchmark"

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from raycheck import prices, speed, stability
+from raycheck.base.errors import NotFound
 from raycheck.calibration import table
-from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 ROOT = Path(__file__).resolve().parent.parent
 README, REFERENCES = ROOT / "README.md", ROOT / "references"

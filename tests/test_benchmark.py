@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from raycheck import curves, report, speed
-from raycheck.renderers import NotFound
+from raycheck.base.errors import NotFound
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))

@@ -14,7 +14,7 @@ import yaml
 from junitparser import JUnitXml
 
 from raycheck import references
-from raycheck.images import load_image, write_pfm
+from raycheck.base.images import load_image, write_pfm
 from raycheck.verify import PILOT_SPP, case_seeds
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from raycheck import closed_forms, solids
-from raycheck.images import load_image
+from raycheck.base.images import load_image
 from raycheck.references import closed_form
-from raycheck.scene_reader import Material, Shape
-from raycheck.techniques import TECHNIQUES, applicable, read_content, technique
-from raycheck.tiles import quad_tree, region_means, region_variances, whole
+from raycheck.scene.content import read_content
+from raycheck.scene.reader import Material, Shape
+from raycheck.scene.techniques import TECHNIQUES, applicable, technique
+from raycheck.stats.tiles import quad_tree, region_means, region_variances, whole
 
 FURNACE = ["walk-uniform", "walk-cosine", "nee", "mis-power", "mis-balance", "nee-no-roulette"]
 WALKED = ["inside-light", "mixed-material", "open-sky", "light-below-horizon", "mirror-corridor"]

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import diagnose_cli, diagnosis, lecture, mutants, references, words
+from raycheck import diagnose_cli, diagnosis, mutants, references, words
+from raycheck.base.images import write_pfm
 from raycheck.evidence import evidence, fine_tiles
-from raycheck.images import write_pfm
+from raycheck.scene import lecture
 from raycheck.truth import truth_of
 
 HERE = Path(__file__).parent

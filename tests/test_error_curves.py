@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import convergence, error_curves, references
+from raycheck import error_curves, references
+from raycheck.base.errors import NotFound, RenderError
 from raycheck.contestants import Shot, named_commands, pinned
-from raycheck.renderers import NotFound, RenderError
+from raycheck.scene import variants
+from raycheck.stats import convergence
 from raycheck.tasks import standard_technique
 from raycheck.truth import truth_of
 
-SCENE = references.variant("furnace")
+SCENE = variants.variant("furnace")
 TRUTH = truth_of(references.load_reference(SCENE))
 ROUNDS = 8
 Samples = Callable[[np.random.Generator, int], np.ndarray]

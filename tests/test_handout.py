@@ -12,16 +12,17 @@ import pytest
 from gradings import written
 from typer.testing import CliRunner
 
-from raycheck import references, scene_export
+from raycheck import references
+from raycheck.base.errors import NotFound
+from raycheck.base.images import write_pfm
 from raycheck.cli import app
 from raycheck.grading import attacks, c_functions, course, hidden, sandbox
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.handout import write_handout
 from raycheck.grading.judge import Grader
 from raycheck.grading.sandbox import Tier
-from raycheck.images import write_pfm
-from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
+from raycheck.scene import export, variants
+from raycheck.stats.verdict import Outcome
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -226,7 +227,7 @@ def test_each_student_gets_the_scene_that_is_graded(handed_in, tmp_path) -> None
     pool = [p.read_text(encoding="utf-8") for p in (handed_in.parent / "a.private/pool").glob("*.xml")]
     assert len(set(pool)) == 2
     theirs = json.loads((tmp_path / "v/pictures/L1/scene.json").read_text(encoding="utf-8"))
-    published = scene_export.export(references.variant("point-light"))
+    published = export.export(variants.variant("point-light"))
     assert theirs["camera"]["origin"] != list(published["camera"]["origin"])
     assert theirs["scene"] == "point-light"
 

@@ -7,8 +7,8 @@ import pytest
 from test_verify import judged, noisy
 
 from raycheck import checks, references
+from raycheck.stats.verdict import Outcome
 from raycheck.truth import truth_of
-from raycheck.verdict import Outcome
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,11 @@ import pytest
 
 import raycheck
 from raycheck import part_making, parts, references, words
+from raycheck.base import data
 from raycheck.evidence import evidence_of_means, fine_tiles
 from raycheck.parts import Explanation, Factor, Hypothesis
-from raycheck.tiles import region_means, region_variances
+from raycheck.scene import variants
+from raycheck.stats.tiles import region_means, region_variances
 from raycheck.truth import truth_of
 
 SCENE = "many-lights"
@@ -35,7 +37,7 @@ def found(truth, error, seed=1, samples=SAMPLES):
     return evidence_of_means(SCENE, region_means(truth.mean, tiles) + error + noise, truth)
 
 
-@pytest.mark.parametrize("scene", references.scene_names())
+@pytest.mark.parametrize("scene", variants.scene_names())
 def test_parts_sum_to_the_reference(scene):
     """Those of every scene, and they belong to it as it is."""
     of = parts.load(scene)
@@ -43,7 +45,7 @@ def test_parts_sum_to_the_reference(scene):
     if scene == "mixed-material":  # where its comment says that Mitsuba is no judge
         pixels, variance = references.load_reference(scene).best()
     else:
-        pixels, variance = np.split(references.read_exr(references.references_dir() / f"{scene}.exr"), 2, 2)
+        pixels, variance = np.split(references.read_exr(data.references_dir() / f"{scene}.exr"), 2, 2)
     tiles = fine_tiles(*pixels.shape[:2])
     mean = region_means(pixels, tiles)
     within = 0.01 * np.maximum(mean, mean.mean() / 10)

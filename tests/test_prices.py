@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from raycheck import prices
-from raycheck.prices import Measurement, Spread
-from raycheck.references import variant
+from raycheck.base.text import number
+from raycheck.prices import Measurement
+from raycheck.scene.variants import variant
+from raycheck.stats.spread import Spread
 from raycheck.tasks import oneray_agenda
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -87,7 +89,7 @@ def test_relative_error_of_a_variance() -> None:
 
 
 def test_numbers_and_ids() -> None:
-    assert [prices.number(x) for x in (0.01234, 1, 45.6, 999.7, 12345)] == [
+    assert [number(x) for x in (0.01234, 1, 45.6, 999.7, 12345)] == [
         "0.0123", "1.00", "45.6", "1000", "12,300",
     ]  # fmt: skip
     assert prices.lecture_ids(("L9", "L1", "L2", "L3", "L13", "L14", "L14")) == "L1–3 L9 L13 L14"

@@ -10,10 +10,13 @@ import OpenImageIO as oiio
 import pytest
 
 from raycheck import closed_form_store, closed_forms, mitsuba_reference, reference_making, references
+from raycheck.base import data
+from raycheck.base.errors import ReferenceError_
+from raycheck.base.seeds import make_seeds
 from raycheck.reference_making import relative_errors, skewness_tables, tile_means
-from raycheck.scene_reader import read_scene
-from raycheck.seeds import make_seeds
-from raycheck.techniques import TECHNIQUES
+from raycheck.scene import variants
+from raycheck.scene.reader import read_scene
+from raycheck.scene.techniques import TECHNIQUES
 
 CLOSED = sorted(closed_forms.FORMS)
 MITSUBA_IS_OFF = {"inside-light", "mixed-material"}
@@ -51,7 +54,7 @@ def distances(reference: references.Reference, image: np.ndarray) -> tuple[np.nd
 @pytest.fixture
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of scenes and references that a test may change."""
-    for name, folder in (("scenes", references.scenes_dir()), ("references", references.references_dir())):
+    for name, folder in (("scenes", data.scenes_dir()), ("references", data.references_dir())):
         shutil.copytree(folder, tmp_path / name)
     monkeypatch.setattr(references, "scenes_dir", lambda: tmp_path / "scenes")
     monkeypatch.setattr(references, "references_dir", lambda: tmp_path / "references")
@@ -62,11 +65,11 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_every_scene_has_a_fresh_reference_and_no_reference_is_without_a_scene() -> None:
-    names = references.scene_names()
+    names = variants.scene_names()
     assert len(names) >= 23
     for name in names:
         references.load_reference(name)
-    files = {path.stem for path in references.references_dir().glob("*.exr")}
+    files = {path.stem for path in data.references_dir().glob("*.exr")}
     assert files == set(references.read_manifest()) >= set(names)
 
 
@@ -91,12 +94,12 @@ def test_the_manifest_says_how_a_reference_was_made(label: str) -> None:
 @pytest.mark.parametrize("label", sorted(references.read_manifest()))
 def test_a_reference_file_holds_mean_and_variance_as_floats(label: str) -> None:
     entry = references.read_manifest()[label]
-    file = oiio.ImageInput.open(str(references.references_dir() / f"{label}.exr"))
+    file = oiio.ImageInput.open(str(data.references_dir() / f"{label}.exr"))
     spec = file.spec()
     assert set(spec.channelnames) == set(references.CHANNELS)
     assert spec.format == oiio.FLOAT
     assert (spec.width, spec.height) == (entry["width"], entry["height"])
-    pixels = references.read_exr(references.references_dir() / f"{label}.exr")
+    pixels = references.read_exr(data.references_dir() / f"{label}.exr")
     assert np.isfinite(pixels).all() and (pixels >= 0).all()
 
 
@@ -109,7 +112,7 @@ def test_references_and_tests_use_different_seeds() -> None:
         assert not set(ranges[0]) & set(ranges[1])
 
 
-@pytest.mark.parametrize("name", references.scene_names())
+@pytest.mark.parametrize("name", variants.scene_names())
 def test_standard_errors_are_small_enough(name: str) -> None:
     """A quarter of those of a thorough test of 0.3 % (image) and 1 % (tiles); a half beside a closed form.
     Where that has every pixel the reference is only its check.
@@ -129,7 +132,7 @@ def test_standard_errors_are_small_enough(name: str) -> None:
 def test_a_changed_scene_makes_its_reference_stale(elsewhere: Path) -> None:
     scene = elsewhere / "scenes" / "furnace.xml"
     scene.write_text(scene.read_text().replace('value="0.5"', 'value="0.4"', 1))
-    with pytest.raises(references.ReferenceError_, match=r"furnace is stale.*raycheck reference furnace"):
+    with pytest.raises(ReferenceError_, match=r"furnace is stale.*raycheck reference furnace"):
         references.load_reference("furnace")
 
 
@@ -140,13 +143,13 @@ def test_line_ends_do_not_make_it_stale(elsewhere: Path) -> None:
 
 
 def test_a_variant_without_a_reference_says_how_to_make_it() -> None:
-    with pytest.raises(references.ReferenceError_, match="raycheck reference furnace -Ddepth=3"):
+    with pytest.raises(ReferenceError_, match="raycheck reference furnace -Ddepth=3"):
         references.load_reference("furnace", {"depth": "3"})
 
 
 def test_a_file_that_is_no_reference_is_refused(elsewhere: Path) -> None:
     (elsewhere / "references" / "furnace.exr").write_bytes(b"no image")
-    with pytest.raises(references.ReferenceError_, match=r"furnace\.exr"):
+    with pytest.raises(ReferenceError_, match=r"furnace\.exr"):
         references.load_reference("furnace")
 
 
@@ -154,17 +157,17 @@ def test_the_hash_covers_scene_parameters_and_the_files_that_the_scene_names(tmp
     scene, mesh = tmp_path / "a.xml", tmp_path / "m.ply"
     scene.write_text('<scene><shape type="ply"><string name="filename" value="m.ply"/></shape></scene>')
     mesh.write_text("one")
-    first = references.scene_hash(scene)
-    assert references.scene_hash(scene, {"depth": "3"}) != first
+    first = variants.scene_hash(scene)
+    assert variants.scene_hash(scene, {"depth": "3"}) != first
     mesh.write_text("two")
-    assert references.scene_hash(scene) != first
+    assert variants.scene_hash(scene) != first
     scene.write_text(
         '<scene><default name="f" value="none"/><default name="file" value="m.ply"/>'
         '<shape type="ply"><string name="filename" value="$file"/></shape></scene>'
     )
-    first = references.scene_hash(scene)
+    first = variants.scene_hash(scene)
     mesh.write_text("three")
-    assert references.scene_hash(scene) != first
+    assert variants.scene_hash(scene) != first
 
 
 def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -> None:
@@ -172,7 +175,7 @@ def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -
     mean, variance = rng.random((16, 8, 3)), rng.random((16, 8, 3))
     entry = {"skewness": {"8": [[[0.1, None, 2]]]}}
     before = set((elsewhere / "references").iterdir())
-    path = references.write_reference(references.variant("furnace@depth=3"), mean, variance, entry)
+    path = references.write_reference(variants.variant("furnace@depth=3"), mean, variance, entry)
     assert np.allclose(references.read_exr(path), np.concatenate([mean, variance], axis=-1), rtol=1e-7)
     manifest = json.loads((elsewhere / "references" / "manifest.json").read_text())
     assert manifest["furnace@depth=3"] == entry
@@ -181,7 +184,7 @@ def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -
 
 
 def test_the_key_of_a_variant_has_its_parameters_sorted() -> None:
-    assert references.Variant(Path("x.xml"), {"b": "2", "a": "1"}).label == "x@a=1,b=2"
+    assert variants.Variant(Path("x.xml"), {"b": "2", "a": "1"}).label == "x@a=1,b=2"
 
 
 # ---- closed forms ----
@@ -315,7 +318,7 @@ EACH_FORMULA = (
 @pytest.mark.parametrize("label", EACH_FORMULA)
 def test_a_kept_closed_form_is_what_its_formula_gives(label: str) -> None:
     """Where it is not, a formula has changed under the same version."""
-    of = references.variant(label)
+    of = variants.variant(label)
     with np.load(references.closed_form_file(of)) as kept:
         found = closed_forms.evaluate(of.name, of.path, of.parameters)
         np.testing.assert_allclose(kept["image"], found, rtol=1e-12)
@@ -323,14 +326,14 @@ def test_a_kept_closed_form_is_what_its_formula_gives(label: str) -> None:
 
 def test_kept_closed_forms_are_those_of_the_scenes_and_formulas_as_they_are() -> None:
     """Renewed by raycheck reference --closed-forms."""
-    for file in sorted((references.references_dir() / "closed-forms").iterdir()):
-        of = references.variant(file.stem)
-        digest = closed_form_store.digest(references.scene_hash(of.path, of.parameters))
+    for file in sorted((data.references_dir() / "closed-forms").iterdir()):
+        of = variants.variant(file.stem)
+        digest = closed_form_store.digest(variants.scene_hash(of.path, of.parameters))
         assert closed_form_store.read(file, digest) is not None, file.name
 
 
 def test_a_closed_form_of_another_digest_is_not_used(tmp_path: Path) -> None:
-    of = references.variant("touching-light")
+    of = variants.variant("touching-light")
     file = tmp_path / "kept/touching-light.npz"
     assert closed_form_store.keep(file, "hash", of.path, {})
     assert closed_form_store.read(file, closed_form_store.digest("hash")) is not None
@@ -374,9 +377,9 @@ def test_scenes_are_read_as_mitsuba_reads_them() -> None:
     """Camera rays and light of every scene, in single precision."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
-    for name in references.scene_names():
-        theirs = mi.load_file(str(references.scene_path(name))).sensors()[0]
-        camera = read_scene(references.scene_path(name)).camera
+    for name in variants.scene_names():
+        theirs = mi.load_file(str(variants.scene_path(name))).sensors()[0]
+        camera = read_scene(variants.scene_path(name)).camera
         for x, y in ((0.0, 0.0), (1.0, 0.0), (0.3, 0.9)):
             ray, _ = theirs.sample_ray(0, 0.5, [x, y], [0.5, 0.5])
             ours = camera.directions(np.array(x * camera.width), np.array(y * camera.height))
@@ -387,7 +390,7 @@ def test_new_batches_by_mitsuba_agree_with_the_references() -> None:
     """Scalar, 40 batches of 4 samples: the image means of two scenes within 5 standard errors."""
     pytest.importorskip("mitsuba")
     for name in ("furnace", "mirror-light"):
-        renderer = mitsuba_reference.MitsubaBatches(references.variant(name), "scalar_rgb")
+        renderer = mitsuba_reference.MitsubaBatches(variants.variant(name), "scalar_rgb")
         mean, variance, _ = reference_making.accumulate(renderer.batches(5000, 40, 4))
         reference = references.load_reference(name)
         error = np.sqrt((variance + reference.variance_of_mean).sum(axis=(0, 1)))

@@ -19,7 +19,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
 from raycheck import error_plots
-from raycheck.images import decode_srgb
+from raycheck.base.images import decode_srgb
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SIZE = 32

@@ -18,7 +18,8 @@ from building import ROOT
 from cluster import running
 from typer.testing import CliRunner
 
-from raycheck import builds, mutants, pools, references, renderers
+from raycheck import builds, mutants, pools, renderers
+from raycheck.base.errors import Lost, NotFound
 from raycheck.builds import Build
 from raycheck.calibration import gradings, kills, nulls
 from raycheck.cli import app
@@ -28,7 +29,7 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.oneray_bundle import bundle_oneray
 from raycheck.grading.sandbox import Tier
 from raycheck.grading.submission import Handed
-from raycheck.renderers import NotFound
+from raycheck.scene import variants
 
 TASKS = """\
 name = "split"
@@ -121,7 +122,7 @@ class Nobody:
     ) -> Iterator[tuple[int, bytes]]:
         for index, (_, _, student, *_) in enumerate(pieces):
             self.students.append(student)
-            yield index, on_lost(index, pools.Lost("nobody is there"))
+            yield index, on_lost(index, Lost("nobody is there"))
 
 
 @linux
@@ -177,14 +178,14 @@ def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monke
     """What it depends on decides; a bundle of the same oneray, as in a package, is the same."""
     private = some_class.folder / "a.private"
     assert len(json.loads((private / noise.KEPT).read_text(encoding="utf-8"))) == 2  # shown and hidden
-    of = references.variant("point-light")
+    of = variants.variant("point-light")
     monkeypatch.setattr(noise, "IMAGES", noise.GROUPS + 1)
     found = [noise.of_oneray(of, 4, "nee", tmp_path)]
     monkeypatch.setenv("ONERAY", str(bundle_oneray(tmp_path / "bundle")))
     monkeypatch.setattr(renderers, "oneray_command", None)
     found.append(noise.of_oneray(of, 4, "nee", tmp_path))
     assert found[0] == found[1]
-    for other in ((of, 5, "nee"), (of, 4, "mis-power"), (references.variant("area-light"), 4, "nee")):
+    for other in ((of, 5, "nee"), (of, 4, "mis-power"), (variants.variant("area-light"), 4, "nee")):
         with pytest.raises(TypeError):  # it would be measured
             noise.of_oneray(*other, tmp_path)
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from raycheck import stability, stability_plots
+from raycheck.base.errors import RenderError
 from raycheck.cli import app
-from raycheck.renderers import RenderError
 from raycheck.stability import Curve, Oneray, Point, Result
 from raycheck.stability_cases import CASES, Case, Parsed, cone_irradiance, rectangle_irradiance
 

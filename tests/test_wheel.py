@@ -55,6 +55,6 @@ def test_a_wheel_without_a_compiler(tmp_path: Path) -> None:
 
 
 def raycheck_mean(path: Path) -> float:
-    from raycheck.images import load_image
+    from raycheck.base.images import load_image
 
     return float(load_image(path).pixels.sum())

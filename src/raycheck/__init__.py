@@ -5,10 +5,10 @@ result = raycheck.verify(lambda scene, spp, seed: my_render(scene, spp, seed), [
 assert result.exit_status == 0, result.cases[0].reason
 """
 
+from raycheck.base.errors import ImageError, NotFound
+from raycheck.base.images import Image, load_image
 from raycheck.compare import Comparison, compare
-from raycheck.images import Image, ImageError, load_image
-from raycheck.renderers import NotFound
-from raycheck.verdict import Limits, Outcome
+from raycheck.stats.verdict import Limits, Outcome
 from raycheck.verify import Case, Verification, verify
 
 __all__ = [

@@ -16,8 +16,9 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from raycheck.pools import Pieces, Pool, Work, ended, running
-from raycheck.renderers import NotFound, RenderError
+from raycheck.base.errors import NotFound, RenderError
+from raycheck.base.processes import ended, running
+from raycheck.pools import Pieces, Pool, Work
 
 _here = threading.local()
 READY = b"ready"

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from raycheck import scene_code, scene_export
+from raycheck.base.errors import NotFound
 from raycheck.cli_support import plain_errors
 from raycheck.grading import course, tables
 from raycheck.grading.assignment import PICTURES, read_assignment
@@ -14,7 +14,7 @@ from raycheck.grading.hidden import pool_index
 from raycheck.grading.judge import picture_pool
 from raycheck.grading.keys import read_keys
 from raycheck.grading.program import write_scene
-from raycheck.renderers import NotFound
+from raycheck.scene import code, export
 
 Assigned = Annotated[Path, typer.Option(metavar="FILE.toml", help="What is asked.")]
 
@@ -55,6 +55,6 @@ def variants(
                 of = picture_pool(asked, keys, task)[index]
                 folder = output / course.folder_name(name) / task.id
                 write_scene(of, task.scenes[0], folder)
-                text = scene_code.text({**scene_export.export(of), "scene": task.scenes[0]})
+                text = code.text({**export.export(of), "scene": task.scenes[0]})
                 (folder / "scene.txt").write_text(text, encoding="utf-8")
     typer.echo(f"{output}: scenes for {len(names)} student{'s' if len(names) > 1 else ''}")

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from raycheck import mutants, references, renderers
+from raycheck import mutants, renderers
+from raycheck.base.data import PACKAGE, ROOT, references_dir, scenes_dir
+from raycheck.base.errors import NotFound
 from raycheck.grading.oneray_bundle import PROGRAM
-from raycheck.renderers import NotFound
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,12 @@ class Build:
 def require(wanted: Build) -> None:
     """NotFound where this machine's are others."""
     if wanted.raycheck and raycheck_hash() != wanted.raycheck:
-        _refuse("raycheck", Path(__file__).parent)
+        _refuse("raycheck", PACKAGE)
     if wanted.oneray and oneray_hash() != wanted.oneray:
         _refuse("oneray", renderers.oneray_path())
     if wanted.sources and _sources() != wanted.sources:
         raise NotFound(
-            f"{mutants.ROOT} on {platform.node()} has other sources of oneray, or its processor lacks AVX2 "
+            f"{ROOT} on {platform.node()} has other sources of oneray, or its processor lacks AVX2 "
             "where another has it: calibrations need the same checkout on machines of one kind"
         )
 
@@ -70,10 +71,9 @@ def raycheck_hash() -> str:
 
 
 def _files() -> Iterator[Path]:
-    package = Path(__file__).parent
     apart = ("scenes", "references", "__pycache__")  # a wheel has the first two in the package
-    for path in sorted(package.rglob("*")):
-        if path.is_file() and not set(path.relative_to(package).parts) & set(apart):
+    for path in sorted(PACKAGE.rglob("*")):
+        if path.is_file() and not set(path.relative_to(PACKAGE).parts) & set(apart):
             yield path
-    yield from sorted(path for path in references.scenes_dir().rglob("*") if path.is_file())
-    yield references.references_dir() / "manifest.json"
+    yield from sorted(path for path in scenes_dir().rglob("*") if path.is_file())
+    yield references_dir() / "manifest.json"

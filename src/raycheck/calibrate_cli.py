@@ -10,14 +10,17 @@ from typing import Annotated
 
 import typer
 
-from raycheck import mutants, pools, references
-from raycheck.cli_support import plain_errors, replace
+from raycheck import mutants, pools
+from raycheck.base import data
+from raycheck.base.errors import NotFound
+from raycheck.base.files import write_whole
+from raycheck.cli_support import plain_errors
 from raycheck.mutants import Mutant
-from raycheck.renderers import NotFound
+from raycheck.scene import variants
 
 app = typer.Typer(help="Measure raycheck itself: false alarms, kill rate, detectable bias, naming.")
 
-WORK = mutants.ROOT / "build/calibration"
+WORK = data.ROOT / "build/calibration"
 Names = Annotated[list[str] | None, typer.Argument(metavar="[MUTANT]...", help="All by default.")]
 Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", help="Names; all by default.")]
 Folder = Annotated[
@@ -107,7 +110,7 @@ def run_parts(scenes: Scenes = None) -> None:
     from raycheck import part_making
 
     with plain_errors():
-        for scene in part_making.write(scenes or references.scene_names()):
+        for scene in part_making.write(scenes or variants.scene_names()):
             typer.echo(scene)
 
 
@@ -164,8 +167,8 @@ def _ready(work: Path) -> Path:
 
 def _put(section: str, figures: object, json_file: Path | None) -> None:
     """Replace one section of the file as a whole or not at all, and print it."""
-    path = json_file or references.references_dir() / "calibration.json"
+    path = json_file or data.references_dir() / "calibration.json"
     found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     text = json.dumps({**found, section: figures}, indent=1, ensure_ascii=False) + "\n"
-    replace(path, text)
+    write_whole(path, text)
     typer.echo(json.dumps(figures, indent=1, ensure_ascii=False))

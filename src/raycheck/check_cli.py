@@ -7,13 +7,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from raycheck import words
+from raycheck.base.text import duration, percent
 from raycheck.cli_support import make_console
 from raycheck.grading import check
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.judge import Grader
 from raycheck.grading.sandbox import Tier
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 COLUMNS = ("task", "honest", "time", "notices", "mistakes seen", "left open", "pass wrongly", "no effect")
 
@@ -28,12 +28,12 @@ def check_assignment(path: Path, paths_per_second: float, limit: float, names: S
     progress = Console(stderr=True)
 
     def on_task(found: check.TaskCheck) -> None:
-        progress.print(f"{found.task.id}: {words.duration(found.seconds)}", highlight=False, markup=False)
+        progress.print(f"{found.task.id}: {duration(found.seconds)}", highlight=False, markup=False)
 
     results = check.check(grader, paths_per_second, chosen, on_task)
     console = make_console()
     console.print(_table(results))
-    total = words.duration(sum(result.seconds for result in results))
+    total = duration(sum(result.seconds for result in results))
     speed = f"{paths_per_second:,.0f} paths a second"
     console.print(f"All tasks: {total} for an honest program that traces {speed}.", highlight=False)
     refused = check.refusals(asked, results, limit)
@@ -50,8 +50,8 @@ def _table(results: Sequence[check.TaskCheck]) -> Table:
         by = {outcome: [n for n, o in one.mistakes.items() if o is outcome] for outcome in Outcome}
         seen = f"{len(by[Outcome.FAIL])} of {len(one.mistakes)}" if one.mistakes else ""
         honest = "PASS" if one.passes else ", ".join(s.verdict.value for s in one.honest)
-        notices = words.percent(one.detectable) if one.detectable == one.detectable else ""
+        notices = percent(one.detectable) if one.detectable == one.detectable else ""
         names = (by[Outcome.INCONCLUSIVE], by[Outcome.PASS], one.unseen)
-        cells = (one.task.id, honest, words.duration(one.seconds), notices, seen)
+        cells = (one.task.id, honest, duration(one.seconds), notices, seen)
         table.add_row(*cells, *map(", ".join, names))
     return table

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.images import Image, decode_srgb
-from raycheck.tiles import Tile, region_means, region_variances
-from raycheck.words import percent
+from raycheck.base.images import Image, decode_srgb
+from raycheck.base.text import percent
+from raycheck.stats.tiles import Tile, region_means, region_variances
 
 Array = NDArray[np.float64]
 

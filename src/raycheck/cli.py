@@ -37,7 +37,11 @@ from raycheck import (
     words,
 )
 from raycheck import cli_options as options
-from raycheck.cli_support import make_console, parse_settings, plain_errors, replace, writable
+from raycheck.base.errors import NotFound
+from raycheck.base.files import write_whole
+from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.text import duration, percent, signed
+from raycheck.cli_support import make_console, parse_settings, plain_errors, writable
 from raycheck.compare import compare as compare_images
 from raycheck.contestants import (
     Contestant,
@@ -49,10 +53,10 @@ from raycheck.contestants import (
 )
 from raycheck.error_plots import flagged
 from raycheck.junit import junit_xml
-from raycheck.renderers import NotFound
-from raycheck.techniques import TECHNIQUES
-from raycheck.verdict import Limits, Outcome
-from raycheck.verify import Case, Verification, machine, raycheck_version
+from raycheck.scene import variants
+from raycheck.scene.techniques import TECHNIQUES
+from raycheck.stats.verdict import Limits, Outcome
+from raycheck.verify import Case, Verification
 from raycheck.verify import verify as run_verification
 
 if TYPE_CHECKING:
@@ -141,9 +145,9 @@ def verify(
         )  # fmt: skip
     show(result)
     if json_file:
-        replace(json_file, result.to_json())
+        write_whole(json_file, result.to_json())
     if junit:
-        replace(junit, junit_xml(result))
+        write_whole(junit, junit_xml(result))
     raise typer.Exit(result.exit_status)
 
 
@@ -189,7 +193,7 @@ def report(
 
     writable(json_file)
     with plain_errors():
-        wanted = [references.variant(scene) for scene in scenes or ()]
+        wanted = [variants.variant(scene) for scene in scenes or ()]
         page_of.check_inputs(verification, benchmark, stability)
         if seconds > 0:
             field = _Field(against is not None, named_commands(renderer or ()), technique or ())
@@ -199,7 +203,7 @@ def report(
         with _progress("verifying") as on_case:
             page = page_of.write_report(output, verification, on_case, benchmark, stability, wanted, races)
     if json_file and races:
-        replace(json_file, error_curves.to_json(races.scenes, races.header))
+        write_whole(json_file, error_curves.to_json(races.scenes, races.header))
     for scene, curve in flagged(races.scenes if races and seconds > 0 else ()):
         typer.echo(f"{scene}, {curve.name}: {curve.flag}: {curve.why}")
     typer.echo(f"{page}: open it in a browser")
@@ -213,14 +217,14 @@ class _Field:
     commands: Mapping[str, str]
     techniques: Sequence[str]
 
-    def of(self, scene: references.Variant, folder: Path) -> tuple[list[Contestant], dict[str, str]]:
+    def of(self, scene: variants.Variant, folder: Path) -> tuple[list[Contestant], dict[str, str]]:
         own, left_out = oneray_contestants(scene, self.techniques)
         others = [command_contestant(name, cmd, scene, folder) for name, cmd in self.commands.items()]
         return [*own, *(mitsuba_contestants(scene) if self.mitsuba else []), *others], left_out
 
 
 def _races(
-    wanted: Sequence[references.Variant], field: _Field, seconds: float, minutes: float | None, rounds: int,
+    wanted: Sequence[variants.Variant], field: _Field, seconds: float, minutes: float | None, rounds: int,
     core: int | None, output: Path,
 ) -> "Races":  # fmt: skip
     """Race all; unfinished work is in `output`/curves."""
@@ -228,7 +232,7 @@ def _races(
 
     folder = output / "curves"
     folder.mkdir(parents=True, exist_ok=True)
-    scenes = wanted or [references.variant(name) for name in references.scene_names()]
+    scenes = wanted or [variants.variant(name) for name in variants.scene_names()]
     runners = [(of, *field.of(of, folder)) for of in scenes]
     with _progress("racing") as on_step, pinned(core) as used:
         found = error_curves.race_all(
@@ -262,7 +266,7 @@ def techniques(
     if json_file:
         budget = {"spp": spp} if spp else {"seconds": seconds}
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()} | budget
-        replace(json_file, prices.to_json(result, header))
+        write_whole(json_file, prices.to_json(result, header))
 
 
 @app.command()
@@ -296,7 +300,7 @@ def stability(
     make_console().print(f"goals missed: {', '.join(missed)}" if missed else met)
     if json_file:
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": _command_line()}
-        replace(json_file, stiff.to_json(results, header))
+        write_whole(json_file, stiff.to_json(results, header))
     raise typer.Exit(1 if missed else 0)
 
 
@@ -378,15 +382,15 @@ def reference(
 
 def _wanted_references(
     scenes: list[str] | None, parameters: dict[str, str], every: bool
-) -> list[references.Variant]:
+) -> list[variants.Variant]:
     if not scenes:
-        found = references.ladder()
+        found = variants.ladder()
         return found if every else [variant for variant in found if not references.is_fresh(variant)]
-    return [references.variant(scene, parameters) for scene in scenes]
+    return [variants.variant(scene, parameters) for scene in scenes]
 
 
 def _make_references(
-    wanted: list[references.Variant], by: Maker, goal: reference_making.Goal, jobs: int
+    wanted: list[variants.Variant], by: Maker, goal: reference_making.Goal, jobs: int
 ) -> None:
     """Plan all, say how long it will take, then render the short ones first."""
     variant = mitsuba_reference.choose_variant() if by is Maker.MITSUBA else ""
@@ -401,9 +405,9 @@ def _make_references(
         checked = references.closed_form(of) is not None
         plan = reference_making.pilot(renderer, goal, checked)
         work.append((of, renderer, plan))
-        console.print(f"{of.label}: {plan.spp} samples per pixel, about {words.duration(plan.seconds)}")
+        console.print(f"{of.label}: {plan.spp} samples per pixel, about {duration(plan.seconds)}")
     total = sum(plan.seconds for _, _, plan in work)
-    console.print(f"about {words.duration(total)} in all")
+    console.print(f"about {duration(total)} in all")
     batches = sum(plan.spp // goal.spp_per_batch for _, _, plan in work)
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=batches)
@@ -411,9 +415,9 @@ def _make_references(
             bar.update(task, description=of.label)
             entry = reference_making.make_reference(of, renderer, plan, goal, lambda: bar.advance(task))
             console.print(
-                f"{of.label}: {entry['batches']} batches, {words.duration(entry['seconds'])}, standard error "
-                f"{words.percent(entry['image_error'])} of the image and "
-                f"{words.percent(entry['tile_error_p90'])} of nine tenths of the tiles: "
+                f"{of.label}: {entry['batches']} batches, {duration(entry['seconds'])}, standard error "
+                f"{percent(entry['image_error'])} of the image and "
+                f"{percent(entry['tile_error_p90'])} of nine tenths of the tiles: "
                 f"{of.folder / of.label}.exr",
                 soft_wrap=True,
             )
@@ -443,10 +447,10 @@ def show(result: Verification) -> None:
     totals = result.header.get("totals", {})
     counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
     figures = [case.mde_image for case in result.cases if case.mde_image is not None]
-    sentence = f"{counts} in {words.duration(float(totals.get('seconds', 0.0)))}"
+    sentence = f"{counts} in {duration(float(totals.get('seconds', 0.0)))}"
     if figures:
         sentence += (
-            f"; a bias of {words.percent(max(figures))} of the image mean would have been noticed everywhere"
+            f"; a bias of {percent(max(figures))} of the image mean would have been noticed everywhere"
         )
     console.print()
     console.print(sentence + ".", highlight=False)
@@ -468,10 +472,10 @@ def _row(case: Case) -> list[str]:
     if case.bias is None:
         return ["", "", "", "", str(case.spp or ""), f"{case.seconds:.1f}"]
     return [
-        words.signed(case.bias),
-        f"{words.signed(case.bias_low)} … {words.signed(case.bias_high)}",
-        words.percent(case.mde_image),
-        words.percent(case.mde_tile_p90),
+        signed(case.bias),
+        f"{signed(case.bias_low)} … {signed(case.bias_high)}",
+        percent(case.mde_image),
+        percent(case.mde_tile_p90),
         str(case.spp or ""),
         f"{case.seconds:.1f}",
     ]
@@ -515,7 +519,7 @@ def _saving(
     def save(case: Case, total: int) -> None:
         done[case.scene, case.technique] = case
         if path:
-            replace(path, Verification(list(done.values())).to_json())
+            write_whole(path, Verification(list(done.values())).to_json())
         if on_case:
             on_case(case, total)
 

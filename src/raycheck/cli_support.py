@@ -7,10 +7,7 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from raycheck.images import ImageError
-from raycheck.mutants import PatchError
-from raycheck.references import ReferenceError_
-from raycheck.renderers import NotFound, RenderError
+from raycheck.base.errors import ImageError, NotFound, PatchError, ReferenceError_, RenderError
 
 
 def make_console() -> Console:
@@ -38,13 +35,6 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
         if not name or not equals:
             raise NotFound(f"-D{name}: -Dname=value is wanted")
     return {name: value for name, _, value in pairs}
-
-
-def replace(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
-    partial = path.with_name(f".{path.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
 
 
 def writable(path: Path | None) -> None:

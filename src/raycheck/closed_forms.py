@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.pixel_quadrature import Radiance, pixel_means
-from raycheck.scene_reader import Material, Scene, Shape, Spot, read_scene
+from raycheck.scene.reader import Material, Scene, Shape, Spot, read_scene
 from raycheck.solids import (
     Ball,
     Plate,

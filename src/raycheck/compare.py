@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from raycheck import checks, words
-from raycheck.images import Image, load_image
-from raycheck.renderers import NotFound
-from raycheck.tiles import SMALLEST, Tile, place, region_means, region_variances, whole
-from raycheck.verdict import ALPHA, CONFIDENCE, SYSTEMATIC, Limits, Outcome
+from raycheck.base.errors import NotFound
+from raycheck.base.images import Image, load_image
+from raycheck.base.text import percent, signed
+from raycheck.stats.tiles import SMALLEST, Tile, place, region_means, region_variances, whole
+from raycheck.stats.verdict import ALPHA, CONFIDENCE, SYSTEMATIC, Limits, Outcome
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
     detectable = (allowance + factor * error) / scale
 
     worst = np.unravel_index(int(np.argmax(z)), z.shape)
-    amount = f"{words.signed(bias[worst] / scale[worst])} ± {words.percent(half[worst] / scale[worst])}"
+    amount = f"{signed(bias[worst] / scale[worst])} ± {percent(half[worst] / scale[worst])}"
     where = _place(regions[worst[0]], height, width)
     if p.min() <= ALPHA:
         outcome = Outcome.FAIL
@@ -104,7 +105,7 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
         reason += f"{where} differs by {amount} in {words.CHANNELS[worst[1]]} ({chance})"
     elif inside.all():
         outcome = Outcome.PASS
-        seen = words.percent(float(detectable[0].max()))
+        seen = percent(float(detectable[0].max()))
         reason = f"the same: a difference of {seen} of the image would have been noticed"
     else:
         outcome = Outcome.INCONCLUSIVE
@@ -112,7 +113,7 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
         more = float(np.max(np.where(inside, 1.0, ((half + 2.5 * error) / limit) ** 2)))
         reason = (
             f"too noisy to say: {_place(regions[wide[0]], height, width)} may differ by "
-            f"{words.percent(half[wide] / scale[wide])}; about {more:.2g} times the samples would decide"
+            f"{percent(half[wide] / scale[wide])}; about {more:.2g} times the samples would decide"
         )
     channel = int(np.argmax(z[0]))
     return Comparison(

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import mitsuba_reference, renderers, tasks
-from raycheck.references import Variant
-from raycheck.renderers import NotFound, RenderError, RenderTimeout
-from raycheck.techniques import technique
+from raycheck.base.errors import NotFound, RenderError, RenderTimeout
+from raycheck.scene.techniques import technique
+from raycheck.scene.variants import Variant
 
 Array = NDArray[np.float64]
 

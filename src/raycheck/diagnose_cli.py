@@ -9,17 +9,21 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from raycheck import checks, diagnosis, lecture, parts, pictures, references, renderers, words
+from raycheck import checks, diagnosis, parts, references, renderers, words
+from raycheck.base import data, pictures
+from raycheck.base.errors import ImageError, NotFound, RenderError
+from raycheck.base.images import load_image, write_png
+from raycheck.base.seeds import make_seeds
+from raycheck.base.text import percent
 from raycheck.cli_options import RendererCommand
 from raycheck.cli_support import make_console, plain_errors
 from raycheck.diagnosis import Diagnosis
 from raycheck.evidence import Evidence, evidence, fine_tiles
-from raycheck.images import ImageError, load_image, write_png
-from raycheck.references import Variant
-from raycheck.seeds import make_seeds
+from raycheck.scene import lecture, variants
+from raycheck.scene.content import read_content
+from raycheck.scene.variants import Variant
+from raycheck.stats.tiles import region_means
 from raycheck.tasks import renderer_agenda
-from raycheck.techniques import read_content
-from raycheck.tiles import region_means
 from raycheck.truth import Truth, truth_of
 
 Array = NDArray[np.float64]
@@ -71,7 +75,7 @@ def diagnose(
     """
     with plain_errors():
         if bool(images) == bool(renderer):
-            raise renderers.NotFound("diagnose needs either IMAGE files or --renderer CMD")
+            raise NotFound("diagnose needs either IMAGE files or --renderer CMD")
         found = _of_renderer(renderer, scene) if renderer else _of_files(images or [], scene)
         if map_file and found.worst:
             write_map(map_file, *found.worst)
@@ -85,10 +89,10 @@ def _of_files(files: list[Path], scenes: list[str] | None) -> Findings:
     try:
         loaded = [load_image(file) for file in files]
     except ImageError as error:
-        raise renderers.NotFound(str(error)) from None
+        raise NotFound(str(error)) from None
     shapes = {image.pixels.shape for image in loaded}
     if len(shapes) > 1:
-        raise renderers.NotFound(f"the images have different sizes: {', '.join(map(str, sorted(shapes)))}")
+        raise NotFound(f"the images have different sizes: {', '.join(map(str, sorted(shapes)))}")
     pixels = np.stack([image.pixels for image in loaded])
     found = Findings()
     name = scenes[0] if scenes else guess_scene(pixels.mean(axis=0))
@@ -98,7 +102,7 @@ def _of_files(files: list[Path], scenes: list[str] | None) -> Findings:
     problems = [checks.size_problem(i, *truth.shape) or checks.number_problem(i) for i in loaded]
     found.plain = next((f"{file}: {p}" for file, p in zip(files, problems, strict=True) if p), None)
     if not found.plain:
-        found.look(name, pixels, truth, read_content(references.scene_path(name)).lights)
+        found.look(name, pixels, truth, read_content(variants.scene_path(name)).lights)
     return found
 
 
@@ -107,7 +111,7 @@ def guess_scene(image: Array) -> str:
     best, likeness = "", -np.inf
     usable = np.nan_to_num(np.clip(image, 0, 1e30))
     for name in diagnosis.scenes():
-        mean = references.read_exr(references.references_dir() / f"{name}.exr")[..., :3]
+        mean = references.read_exr(data.references_dir() / f"{name}.exr")[..., :3]
         if mean.shape != image.shape:
             continue
         tiles = fine_tiles(*mean.shape[:2])
@@ -117,26 +121,24 @@ def guess_scene(image: Array) -> str:
             best, likeness = name, alike
     if not best:
         height, width = image.shape[:2]
-        raise renderers.NotFound(
-            f"no scene with signatures is {width}×{height}; --scene NAME says which it is"
-        )
+        raise NotFound(f"no scene with signatures is {width}×{height}; --scene NAME says which it is")
     return best
 
 
 def _of_renderer(renderer: str, scenes: list[str] | None) -> Findings:
-    wanted = [references.variant(name) for name in scenes or diagnosis.complete_scenes()]
+    wanted = [variants.variant(name) for name in scenes or diagnosis.complete_scenes()]
     found = Findings()
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         for task in renderer_agenda(renderer, wanted, Path(folder), explicit=bool(scenes)).tasks:
             reference = references.load_reference(task.of)
             try:
                 images = _render(task.renderer, task.of, truth_of(reference))
-            except renderers.RenderError as error:
+            except RenderError as error:
                 found.notes.append(f"{task.label}: left out: {error}")
                 continue
             found.look(task.label, images, truth_of(reference), task.content.lights)
     if not found.evidence:
-        raise renderers.NotFound("; ".join(found.notes))
+        raise NotFound("; ".join(found.notes))
     return found
 
 
@@ -146,7 +148,7 @@ def _render(renderer: renderers.Renderer, of: Variant, truth: Truth) -> Array:
         image = renderer.render(of.path, SPP, seed, 60.0).image
         problem = checks.size_problem(image, *truth.shape) or checks.number_problem(image)
         if problem:
-            raise renderers.RenderError(problem)
+            raise RenderError(problem)
         made.append(image.pixels)
     return np.stack(made)
 
@@ -190,7 +192,7 @@ def guesses(told: Diagnosis) -> list[str]:
             "" if 0.8 < guess.strength < 1.25 else f", at {guess.strength:.2g} times its usual strength"
         )
         lines += [
-            f"{number}. “{guess.mistake.mistake}” (fit {words.percent(guess.fit)}{strength})",
+            f"{number}. “{guess.mistake.mistake}” (fit {percent(guess.fit)}{strength})",
             f"   {guess.mistake.technique}: {lecture.argument(guess.mistake.technique)}.",
         ]
     return lines

@@ -22,8 +22,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import parts, references
+from raycheck import parts
+from raycheck.base import data
+from raycheck.base.errors import ReferenceError_
 from raycheck.evidence import RELATIVE_FLOOR, Evidence
+from raycheck.scene import variants
 
 Array = NDArray[np.float64]
 
@@ -129,7 +132,7 @@ def likely(found: Evidence) -> tuple[list[Mistake], parts.Explanation | None]:
     """
     try:
         told = diagnose([found])
-    except references.ReferenceError_:
+    except ReferenceError_:
         return [], parts.explain(found)
     if not told.significant or not told.known:
         return [], told.explained
@@ -175,7 +178,7 @@ def _chi_squared(one: Evidence, names: Sequence[str], strengths: Array) -> tuple
 
 
 def folder() -> Path:
-    return references.references_dir() / "signatures"
+    return data.references_dir() / "signatures"
 
 
 @functools.lru_cache(maxsize=1)
@@ -183,7 +186,7 @@ def manifest() -> Mapping:
     """Scenes and mistakes; ReferenceError_ where there are no signatures."""
     path = folder() / "manifest.json"
     if not path.is_file():
-        raise references.ReferenceError_(f"{path} is missing; make it with: raycheck calibrate signatures")
+        raise ReferenceError_(f"{path} is missing; make it with: raycheck calibrate signatures")
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -210,11 +213,9 @@ def load(scene: str) -> Signatures:
     """ReferenceError_ where there are none, or those of another state of the scene."""
     entry = manifest()["scenes"].get(scene)
     if entry is None:
-        raise references.ReferenceError_(
-            f"there are no signatures for {scene}; there are for {', '.join(scenes())}"
-        )
-    if entry["hash"] != references.scene_hash(references.scene_path(scene)):
-        raise references.ReferenceError_(
+        raise ReferenceError_(f"there are no signatures for {scene}; there are for {', '.join(scenes())}")
+    if entry["hash"] != variants.scene_hash(variants.scene_path(scene)):
+        raise ReferenceError_(
             f"the signatures of {scene} are stale: the scene has changed since; "
             "renew them with: raycheck calibrate signatures"
         )

@@ -22,19 +22,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import checks, convergence, references, words
+from raycheck import checks, references, words
+from raycheck.base.errors import NotFound, RenderError
+from raycheck.base.images import Image
+from raycheck.base.seeds import make_seeds
 from raycheck.contestants import Contestant, Shot
-from raycheck.convergence import Band, Fit, Level, Scores
-from raycheck.images import Image
 from raycheck.pilot import pace
-from raycheck.prices import FALLBACK, Spread, Step, rounded
-from raycheck.references import Variant
-from raycheck.renderers import NotFound, RenderError
-from raycheck.seeds import make_seeds
+from raycheck.prices import FALLBACK, Step, rounded
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import BASELINE, TECHNIQUES
+from raycheck.scene.variants import Variant
+from raycheck.stats import convergence
+from raycheck.stats.convergence import Band, Fit, Level, Scores
+from raycheck.stats.spread import Spread
+from raycheck.stats.verdict import Outcome
 from raycheck.tasks import standard_technique
-from raycheck.techniques import BASELINE, TECHNIQUES, read_content
 from raycheck.truth import Truth, truth_of
-from raycheck.verdict import Outcome
 from raycheck.verify import judge_few
 
 Array = NDArray[np.float64]
@@ -388,7 +392,7 @@ def race(
 def _key(of: Variant, truth: Truth, contestants: Sequence[Contestant], seconds: float, rounds: int) -> str:
     """What makes two races the same."""
     who = [(c.name, c.command, getattr(c, "identity", "")) for c in contestants]
-    what = [SCHEMA, references.scene_hash(of.path, of.parameters), truth.digest, who, seconds, rounds]
+    what = [SCHEMA, variants.scene_hash(of.path, of.parameters), truth.digest, who, seconds, rounds]
     return hashlib.blake2b(json.dumps(what).encode(), digest_size=16).hexdigest()
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import curves, pictures
-from raycheck.convergence import SLOPE, SLOPE_WITHIN, Band, Level
+from raycheck import curves
+from raycheck.base import pictures
+from raycheck.base.text import number
 from raycheck.curves import LEFT, RIGHT, WIDTH, Axes
 from raycheck.error_curves import Curve, SceneCurves, Shown
-from raycheck.prices import number
+from raycheck.stats.convergence import SLOPE, SLOPE_WITHIN, Band, Level
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.tiles import SMALLEST, Tile, region_means, region_variances
+from raycheck.stats.tiles import SMALLEST, Tile, region_means, region_variances
 from raycheck.truth import Truth
 
 Array = NDArray[np.float64]

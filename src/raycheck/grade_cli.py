@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from raycheck import pools
+from raycheck.base.errors import NotFound
 from raycheck.check_cli import check_assignment
 from raycheck.cli_support import make_console, plain_errors
 from raycheck.grading import course, sandbox, tables
@@ -17,8 +18,7 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.package import write_package
 from raycheck.grading.pages import number, sentence
 from raycheck.grading.results import StudentResult
-from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 STUDENT_SPEED = 3e5
 """Paths a second: what tests/submissions/honest traces of cornell-box, its slowest scene, on one core."""

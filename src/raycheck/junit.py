@@ -2,7 +2,7 @@
 
 from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 from raycheck.verify import Case, Verification
 
 

@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.references import Variant
-from raycheck.renderers import NotFound
-from raycheck.seeds import reference_seed
+from raycheck.base.errors import NotFound
+from raycheck.base.seeds import reference_seed
+from raycheck.scene.variants import Variant
 
 Array = NDArray[np.float64]
 

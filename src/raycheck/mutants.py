@@ -18,17 +18,13 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.pools import one_process
-from raycheck.renderers import NotFound
+from raycheck.base.data import ROOT
+from raycheck.base.errors import NotFound, PatchError
+from raycheck.base.files import one_process
 
-ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "tests/mutants"
 HEADERS = ("Technique", "Mistake", "Symptom", "Shows")
 OPTIONAL_HEADERS = ("Equivalent", "Variant")
-
-
-class PatchError(Exception):
-    """A patch that no longer applies, or sources that it breaks: one line."""
 
 
 @dataclass(frozen=True)

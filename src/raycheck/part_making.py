@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import references, renderers
+from raycheck.base.seeds import make_seeds
 from raycheck.parts import Parts, folder, manifest
-from raycheck.references import Variant
-from raycheck.seeds import make_seeds
-from raycheck.tiles import SMALLEST, Tile, region_means
+from raycheck.scene import variants
+from raycheck.scene.variants import Variant
+from raycheck.stats.tiles import SMALLEST, Tile, region_means
 
 Array = NDArray[np.float64]
 Element = ElementTree.Element
@@ -250,7 +251,7 @@ def write(scenes: Sequence[str]) -> Iterator[str]:
     target.mkdir(parents=True, exist_ok=True)
     listing = dict(manifest()) if (target / "manifest.json").is_file() else {}
     for scene in scenes:
-        of = references.variant(scene)
+        of = variants.variant(scene)
         found = make(of)
         with tempfile.TemporaryDirectory(dir=target) as scratch:
             partial = Path(scratch) / f"{scene}.npz"
@@ -260,7 +261,7 @@ def write(scenes: Sequence[str]) -> Iterator[str]:
             )  # fmt: skip
             partial.replace(target / f"{scene}.npz")
         listing[scene] = {
-            "hash": references.scene_hash(of.path), "lights": list(found.lights),
+            "hash": variants.scene_hash(of.path), "lights": list(found.lights),
             "lengths": list(found.lengths), "surfaces": list(found.surfaces), "spp": SPP * SEEDS * FINER**2,
         }  # fmt: skip
         text = json.dumps(dict(sorted(listing.items())), indent=1, ensure_ascii=False) + "\n"

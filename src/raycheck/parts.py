@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from raycheck import references
+from raycheck.base import data
 from raycheck.evidence import Evidence
+from raycheck.scene import variants
 
 Array = NDArray[np.float64]
 
@@ -109,7 +110,7 @@ class Explanation:
 
 
 def folder() -> Path:
-    return references.references_dir() / "parts"
+    return data.references_dir() / "parts"
 
 
 @functools.lru_cache(maxsize=1)
@@ -122,7 +123,7 @@ def manifest() -> Mapping:
 def load(scene: str) -> Parts | None:
     """None where there are none, or those of another state of the scene."""
     entry = manifest().get(scene)
-    if entry is None or entry["hash"] != references.scene_hash(references.scene_path(scene)):
+    if entry is None or entry["hash"] != variants.scene_hash(variants.scene_path(scene)):
         return None
     with np.load(folder() / f"{scene}.npz") as arrays:
         image, deviation = (np.asarray(arrays[k], dtype=np.float64) for k in ("image", "deviation"))

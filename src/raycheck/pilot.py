@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from raycheck import statistics as st
-from raycheck.tiles import SMALLEST, region_variances
+from raycheck.stats import statistics as st
+from raycheck.stats.tiles import SMALLEST, region_variances
+from raycheck.stats.verdict import ALPHA, CONFIDENCE, SHARE_IMAGE, SHARE_TILES, SYSTEMATIC, Limits
 from raycheck.truth import Truth
-from raycheck.verdict import ALPHA, CONFIDENCE, SHARE_IMAGE, SHARE_TILES, SYSTEMATIC, Limits
 
 Array = NDArray[np.float64]
 

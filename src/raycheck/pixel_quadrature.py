@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.scene_reader import Camera
+from raycheck.scene.reader import Camera
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

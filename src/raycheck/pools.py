@@ -5,95 +5,23 @@ that is lost with its worker (`Lost`, or Dask's KilledWorker) is done again, `AT
 ends the run, or `on_lost` says what stands in its place. Any other error ends the whole run.
 """
 
-import contextlib
-import os
-import signal
-import subprocess
 import threading
-import weakref
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
-from raycheck.renderers import NotFound, RenderError
+from raycheck.base.errors import Lost, NotFound, RenderError
+from raycheck.base.machine import cores
+from raycheck.base.processes import kill_tree, running
 
 ATTEMPTS = 4
-
-
-def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class Lost(RenderError):
-    """A piece whose process was killed: what it would have given is not known."""
-
 
 Work = Callable[..., bytes]
 Pieces = Sequence[tuple[Any, ...]]
 """Each is asked for when its turn comes: a sequence may make them then."""
 OnLost = Callable[[int, Lost], bytes]
 """What stands in the place of a piece of that index."""
-
-
-running: "weakref.WeakSet[subprocess.Popen[bytes]]" = weakref.WeakSet()
-"""The processes that threads of this one wait for, to be ended with it."""
-
-
-def tree(root: int) -> Iterator[int]:
-    """A process and all below it, by Linux's /proc."""
-    waiting = [root]
-    while waiting:
-        yield (pid := waiting.pop())
-        with contextlib.suppress(OSError, ValueError):
-            for thread in Path(f"/proc/{pid}/task").iterdir():
-                waiting += map(int, (thread / "children").read_text().split())
-
-
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """With all below it, which may lead sessions of their own."""
-    for pid in list(tree(process.pid))[1:] if process.poll() is None else ():
-        with contextlib.suppress(OSError):
-            os.kill(pid, signal.SIGKILL)
-    process.kill()
-
-
-def run_process(words: Sequence[str], hide: str = "") -> None:
-    """Run a program. Lost if a signal ends it; if it fails, RenderError with its last line without `hide`."""
-    process = subprocess.Popen(
-        words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        start_new_session=os.name == "posix",
-    )  # fmt: skip
-    running.add(process)
-    try:
-        said = process.communicate()[1].decode(errors="replace").strip()
-    finally:
-        running.discard(process)
-    if process.returncode < 0:
-        raise ended(words[0], process.returncode)
-    if process.returncode:
-        last = said.splitlines()[-1] if said else f"exit status {process.returncode}"
-        raise RenderError(last.replace(hide, "") if hide else last)
-
-
-def ended(name: str, status: int) -> Lost:
-    """Without a result: exit status, or minus the signal."""
-    how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
-    return Lost(f"{name} was ended by {how}")
-
-
-@contextlib.contextmanager
-def one_process(folder: Path) -> Iterator[None]:
-    """At a time, of all that ask for this folder on this machine; not on Windows."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        with contextlib.suppress(ImportError):
-            import fcntl
-
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 class Pool(Protocol):
@@ -125,7 +53,7 @@ class Here:
                 ending.start()
                 while ending.is_alive():
                     for process in list(running):
-                        _kill(process)
+                        kill_tree(process)
                     ending.join(0.05)
                 raise
 

@@ -23,12 +23,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references, renderers
-from raycheck.images import Image, load_image
-from raycheck.references import Variant
-from raycheck.seeds import make_seeds
+from raycheck.base.errors import NotFound, RenderError
+from raycheck.base.images import Image, load_image
+from raycheck.base.seeds import make_seeds
+from raycheck.base.text import number
+from raycheck.scene import variants
+from raycheck.scene.techniques import BASELINE, TECHNIQUES, technique
+from raycheck.scene.variants import Variant
+from raycheck.stats.spread import Spread
 from raycheck.tasks import Task, oneray_agenda
-from raycheck.techniques import BASELINE, TECHNIQUES, technique
 
 Array = NDArray[np.float64]
 
@@ -59,19 +62,6 @@ class Measurement:
     """For one sample of every pixel."""
     build_seconds: float
     """Before the first sample: trees, tables, and the pre-pass of learned choice."""
-
-
-@dataclass(frozen=True)
-class Spread:
-    """A figure over the rounds."""
-
-    median: float
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, values: Sequence[float]) -> "Spread":
-        return cls(statistics.median(values), min(values), max(values))
 
 
 @dataclass(frozen=True)
@@ -171,7 +161,7 @@ def measure(task: Task, spp: int, seed: int) -> Measurement:
     if task.independent:
         if image.stderr is None:
             case = f"{task.label}, {task.technique}"
-            raise renderers.RenderError(f"{case}: no standard errors at {spp} samples")
+            raise RenderError(f"{case}: no standard errors at {spp} samples")
         variance = sample_variance(image.stderr, spp)
     else:
         [other_seed] = make_seeds(f"{seed}/other", 1, {seed})
@@ -192,10 +182,10 @@ def _render(task: Task, spp: int, seed: int) -> tuple[Image, dict]:
         try:
             done = subprocess.run(words, capture_output=True, text=True, check=False)
         except OSError as error:
-            raise renderers.NotFound(f"{words[0]}: cannot be started: {error.strerror}") from None
+            raise NotFound(f"{words[0]}: cannot be started: {error.strerror}") from None
         if done.returncode:
             said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-            raise renderers.RenderError(f"{task.label}, {task.technique}: {said}")
+            raise RenderError(f"{task.label}, {task.technique}: {said}")
         return load_image(output), json.loads(done.stdout)
 
 
@@ -352,16 +342,6 @@ def footnotes(one: ScenePrices) -> list[str]:
     return notes
 
 
-def number(value: float) -> str:
-    """Three digits: "0.0123", "1.00", "45.6", "1,230"."""
-    if value == 0 or not np.isfinite(value):
-        return "0" if value == 0 else "∞"
-    decimals = int(max(0, 2 - np.floor(np.log10(abs(value)) + 1e-12)))
-    if value >= 1000:
-        return f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.{min(decimals, 8)}f}"
-
-
 def lecture_ids(ids: Sequence[str]) -> str:
     """("L1", "L2", "L3", "L9") as "L1–3 L9"."""
     numbers = sorted({int(name[1:]) for name in ids})
@@ -398,4 +378,4 @@ def _cell(one: Price | None) -> str:
 
 def scenes_named(names: Sequence[str], parameters: Mapping[str, str]) -> list[Variant]:
     """Those named, or all canonical ones; ReferenceError_ for a name or parameter that there is not."""
-    return [references.variant(name, parameters) for name in names or references.scene_names()]
+    return [variants.variant(name, parameters) for name in names or variants.scene_names()]

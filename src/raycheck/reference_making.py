@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import references, renderers
-from raycheck.seeds import reference_seed
-from raycheck.techniques import BEST, technique
+from raycheck.base.seeds import reference_seed
+from raycheck.scene import variants
+from raycheck.scene.techniques import BEST, technique
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class Batches(Protocol):
 class OnerayBatches:
     """oneray with its best technique, `jobs` processes at a time: for scenes that Mitsuba renders wrong."""
 
-    def __init__(self, of: references.Variant, jobs: int = 2):
+    def __init__(self, of: variants.Variant, jobs: int = 2):
         program = renderers.oneray_path()
         self.made_by = {"renderer": "oneray", "technique": BEST}
         self._command = renderers.oneray_command(program, technique(BEST).options, of.parameters)
@@ -168,7 +169,7 @@ def accumulate(
 
 
 def make_reference(
-    of: references.Variant,
+    of: variants.Variant,
     renderer: Batches,
     plan: Pilot,
     goal: Goal,
@@ -178,7 +179,7 @@ def make_reference(
 
     Raises ValueError for an image that holds NaN or Inf.
     """
-    digest = references.scene_hash(of.path, of.parameters)
+    digest = variants.scene_hash(of.path, of.parameters)
     batches = plan.spp // goal.spp_per_batch
     start = time.perf_counter()
     images = renderer.batches(goal.small_batches, batches, goal.spp_per_batch)

@@ -10,10 +10,12 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from raycheck import pools, references, shards, words
+from raycheck import pools, shards
+from raycheck.base.errors import NotFound
+from raycheck.base.text import duration
 from raycheck.cli_support import parse_settings
-from raycheck.renderers import NotFound
-from raycheck.techniques import technique as named_technique
+from raycheck.scene import variants
+from raycheck.scene.techniques import technique as named_technique
 
 
 def render(
@@ -47,7 +49,7 @@ def render(
         raise NotFound(f"{output}: an .exr, .pfm or .png in a folder that is there is wanted")
     if exposure and output.suffix.lower() != ".png":
         raise NotFound(f"--exposure is of a .png: {output} holds the radiance as it is")
-    of = references.variant(scene, parse_settings(settings))
+    of = variants.variant(scene, parse_settings(settings))
     work = shards.Work(of.path, of.parameters, (*_chosen(technique), *(options or ())), seed)
     kept = folder or output.with_name(f"{output.name}.shards")
     started = time.monotonic()
@@ -68,7 +70,7 @@ def render(
                 kept.rmdir()  # only if there is nothing in it
     total = len(shards.ranges(spp))
     found = f" ({total - new} were there)" if new < total else ""
-    took = words.duration(math.ceil(time.monotonic() - started))
+    took = duration(math.ceil(time.monotonic() - started))
     typer.echo(f"{output}: {spp} samples per pixel in {total} parts{found}, {took}")
 
 

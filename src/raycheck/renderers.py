@@ -19,23 +19,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from raycheck.images import Image, ImageError, load_image
-
-
-class RenderError(Exception):
-    """A renderer that gave no usable image: one plain sentence."""
-
-
-class RenderTimeout(RenderError):
-    """A renderer that did not end in time."""
-
-
-class RenderLate(RenderError):
-    """A picture that took longer than it may: none, where an assignment says so."""
-
-
-class NotFound(Exception):
-    """A renderer that cannot be started at all, or a request that makes no sense: nothing can be judged."""
+from raycheck.base.data import ROOT
+from raycheck.base.errors import ImageError, NotFound, RenderError, RenderTimeout
+from raycheck.base.images import Image, load_image
 
 
 @dataclass(frozen=True)
@@ -236,7 +222,7 @@ def oneray_path() -> Path:
             raise NotFound(f"ONERAY={named}: there is no such file; {_INSTEAD}")
         return Path(named)
     suffix = ".exe" if sys.platform == "win32" else ""
-    built = Path(__file__).resolve().parents[2] / "build" / f"oneray{suffix}"
+    built = ROOT / "build" / f"oneray{suffix}"
     installed = Path(sysconfig.get_path("scripts")) / f"oneray{suffix}"
     for place in (built, installed):
         if place.is_file():

@@ -11,17 +11,22 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import curves, error_plots, pictures, references, renderers, speed, stability_plots, words
+from raycheck import curves, error_plots, references, renderers, speed, stability_plots
+from raycheck.base import data, pictures
+from raycheck.base.errors import NotFound
+from raycheck.base.images import Image
+from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.seeds import make_seeds
+from raycheck.base.text import duration, percent, signed
 from raycheck.contestants import oneray_line
 from raycheck.error_curves import Curve, SceneCurves
 from raycheck.error_curves import read as read_curves
-from raycheck.images import Image
-from raycheck.references import Variant
-from raycheck.renderers import NotFound
-from raycheck.seeds import make_seeds
-from raycheck.techniques import BEST, TECHNIQUES, left_out, read_content, technique
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import BEST, TECHNIQUES, left_out, technique
+from raycheck.scene.variants import Variant
 from raycheck.truth import truth_of
-from raycheck.verify import Case, Verification, machine, raycheck_version, verify
+from raycheck.verify import Case, Verification, verify
 
 Array = NDArray[np.float64]
 
@@ -67,7 +72,7 @@ class Races:
 
 def kept_races(path: Path | None = None) -> Races | None:
     """Those of an earlier `report --json`, by default of the references; None where there are none."""
-    kept = references.references_dir() / "error_curves.json"
+    kept = data.references_dir() / "error_curves.json"
     if path is None and not kept.is_file():
         return None
     scenes, header = read_curves(path or kept)
@@ -99,7 +104,7 @@ def write_report(
     """
     measured = speed_section(benchmark)
     stiff = stability_section(stability)
-    wanted = scenes or [references.variant(name) for name in references.scene_names()]
+    wanted = scenes or [variants.variant(name) for name in variants.scene_names()]
     verdicts = _verdicts(verification, on_case, scenes)
     oneray = renderers.oneray_path()
     labels = [of.label for of in wanted]
@@ -120,9 +125,9 @@ def write_report(
         version=raycheck_version(),
         techniques=TECHNIQUES,
         verification="raycheck verify" + (" --thorough" if verdicts.get("mode") == "thorough" else ""),
-        percent=words.percent,
-        signed=words.signed,
-        duration=words.duration,
+        percent=percent,
+        signed=signed,
+        duration=duration,
         spp=PICTURE_SPP,
         lecture_spp=LECTURE_SPP,
     )
@@ -202,7 +207,7 @@ def _curves_section(found: SceneCurves, races: Races) -> dict:
 def _scene_command(command: str, scene: str) -> str:
     """The command of the whole report, for one scene alone."""
     words = shlex.split(command)
-    named = {one.partition("@")[0] for one in references.scene_names()}
+    named = {one.partition("@")[0] for one in variants.scene_names()}
     rest = [word for word in words[2:] if word.partition("@")[0] not in named]
     return shlex.join([*words[:2], scene, *rest])
 
@@ -231,12 +236,12 @@ def _target_cell(scene: SceneCurves, name: str) -> error_plots.Cell:
 
 def _lecture(oneray: Path) -> list[Picture]:
     """The lecture's two pictures: the same scene and samples, without and with next event estimation."""
-    if LECTURE_SCENE not in references.scene_names():
+    if LECTURE_SCENE not in variants.scene_names():
         return []
     factor = pictures.exposure(truth_of(references.load_reference(LECTURE_SCENE)).mean)
     result = []
     for name, caption in (("walk-cosine", "random walk"), ("nee", "random walk with next event estimation")):
-        image, shown = _render(oneray, references.variant(LECTURE_SCENE), name, LECTURE_SPP)
+        image, shown = _render(oneray, variants.variant(LECTURE_SCENE), name, LECTURE_SPP)
         uri = pictures.data_uri(pictures.display(image.pixels, factor))
         result.append(Picture(uri, f"{caption}, {LECTURE_SPP} spp", shown.command, shown.seconds))
     return result
@@ -272,7 +277,7 @@ class _Plot:
 
 def speed_section(path: Path | None) -> dict | None:
     """What speed.html shows; None where there is no benchmark and none was asked for."""
-    kept = references.references_dir() / "benchmark.json"
+    kept = data.references_dir() / "benchmark.json"
     if path is None and not kept.is_file():
         return None
     found = speed.read(path or kept)
@@ -295,7 +300,7 @@ def speed_section(path: Path | None) -> dict | None:
 
 def stability_section(path: Path | None) -> dict | None:
     """What stability.html shows; None where nothing was measured and nothing was asked for."""
-    kept = references.references_dir() / "stability.json"
+    kept = data.references_dir() / "stability.json"
     if path is None and not kept.is_file():
         return None
     return stability_plots.section(path or kept)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from raycheck import references, scene_code, scene_export
 from raycheck.cli_support import parse_settings, plain_errors
+from raycheck.scene import code, export, variants
 
 
 class Form(StrEnum):
@@ -28,11 +28,11 @@ def scene(
     space, linear colours, and what the renderer must support. The JSON's schema is scene.schema.json.
     """
     with plain_errors():
-        data = scene_export.export(references.variant(name, parse_settings(settings)))
+        data = export.export(variants.variant(name, parse_settings(settings)))
     if form is Form.JSON:
-        typer.echo(scene_export.to_json(data), nl=False)
+        typer.echo(export.to_json(data), nl=False)
     elif form is Form.TEXT:
-        typer.echo(scene_code.text(data), nl=False)
+        typer.echo(code.text(data), nl=False)
     else:
-        language = scene_code.CPP if form is Form.CPP else scene_code.RUST
-        typer.echo(scene_code.source(data, language), nl=False)
+        language = code.CPP if form is Form.CPP else code.RUST
+        typer.echo(code.source(data, language), nl=False)

@@ -8,12 +8,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from raycheck.base.errors import NotFound
 from raycheck.cli_support import make_console, plain_errors
 from raycheck.grading import attacks, sandbox
 from raycheck.grading.assignment import Limits
 from raycheck.grading.pages import sentence
 from raycheck.grading.results import StudentResult
-from raycheck.renderers import NotFound
 
 
 def selftest(

@@ -16,10 +16,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck import builds, pools, references, renderers
+from raycheck import builds, renderers
+from raycheck.base.errors import NotFound, RenderError
+from raycheck.base.processes import run_process
 from raycheck.builds import Build
 from raycheck.pools import Pool
-from raycheck.renderers import NotFound, RenderError
+from raycheck.scene import variants
 
 SHARDS = 32
 """A render has so many shards, or up to twice as many: each of a power of two samples, however many jobs
@@ -49,7 +51,7 @@ class Work:
         """The scene file and the mesh files that it names, by their names beside it."""
         try:
             found = {self.scene.name: self.scene.read_bytes()}
-            for path in references.files_of(self.scene, self.parameters):
+            for path in variants.files_of(self.scene, self.parameters):
                 name = os.path.relpath(path, self.scene.parent)
                 if name.startswith(".."):
                     raise NotFound(
@@ -112,7 +114,7 @@ def render_shard(
             film,
             "--quiet",
         ]
-        pools.run_process([str(word) for word in words], hide=folder + os.sep)
+        run_process([str(word) for word in words], hide=folder + os.sep)
         return film.read_bytes()
 
 
@@ -175,7 +177,7 @@ def render(
             on_shard(done, len(shards))
     words = [oneray, "merge", *map(store.path, shards), "-o", output]
     words += ["--exposure", exposure] if exposure else []
-    pools.run_process([str(word) for word in words])
+    run_process([str(word) for word in words])
     if not keep:
         store.remove(shards)
     return len(missing)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.scene_reader import Camera, Scene, Shape
+from raycheck.scene.reader import Camera, Scene, Shape
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

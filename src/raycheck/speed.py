@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.prices import number
-from raycheck.renderers import NotFound
+from raycheck.base.errors import NotFound
+from raycheck.base.text import number
 
 BASELINE = "mitsuba llvm"
 SHOWN = ("mitsuba scalar", "oneray double", "oneray single")

@@ -21,8 +21,9 @@ import numpy as np
 from mpmath import mp
 from numpy.typing import NDArray
 
-from raycheck import words
-from raycheck.renderers import NotFound, RenderError, oneray_command, oneray_path
+from raycheck.base.errors import NotFound, RenderError
+from raycheck.base.text import percent
+from raycheck.renderers import oneray_command, oneray_path
 from raycheck.stability_cases import CASES, DIGITS, Case, Parsed, Settings, Truth
 
 Array = NDArray[np.float64]
@@ -350,13 +351,13 @@ def value(x: float) -> str:
 def error_text(point: Point) -> str:
     """What is wrong there."""
     if point.reason == "noise":
-        return f"noise ± {words.percent(2 * point.noise)}"
+        return f"noise ± {percent(2 * point.noise)}"
     if point.reason:
         return point.reason if point.reason in ("black", "not finite") else "no picture"
     if point.found == 0 and point.expected != 0:
         return "black"
     size = abs(point.error or 0.0)
-    return f"off by {size:.3g} times" if size >= 10 else f"off by {words.percent(size)}"
+    return f"off by {size:.3g} times" if size >= 10 else f"off by {percent(size)}"
 
 
 def row(result: Result) -> tuple[str, ...]:
@@ -367,7 +368,7 @@ def row(result: Result) -> tuple[str, ...]:
         if case.measure == "spread"
         else f"{case.within:.0e}"
         if case.within < 1e-4
-        else words.percent(case.within)
+        else percent(case.within)
     )
     limit = limit if case.within else "none"
     cells = [result.case, result.parameter, limit, value(result.goal)]

@@ -17,7 +17,7 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import NDArray
 
-from raycheck.references import scenes_dir
+from raycheck.base.data import scenes_dir
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, str]

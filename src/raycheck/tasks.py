@@ -12,8 +12,10 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from raycheck import references, renderers
-from raycheck.references import Variant
-from raycheck.techniques import BEST, SceneContent, Technique, applicable, read_content, technique
+from raycheck.base.errors import NotFound
+from raycheck.scene.content import SceneContent, read_content
+from raycheck.scene.techniques import BEST, Technique, applicable, technique
+from raycheck.scene.variants import Variant, ladder
 
 COVER = 2
 """A quick run over all scenes judges each technique on so many of them, and each scene at least once."""
@@ -71,7 +73,7 @@ def oneray_agenda(
     try:
         chosen = [technique(name) for name in techniques]
     except KeyError as error:
-        raise renderers.NotFound(error.args[0]) from None
+        raise NotFound(error.args[0]) from None
     agenda = Agenda()
     pairs = []
     found = False
@@ -86,13 +88,13 @@ def oneray_agenda(
             else:
                 pairs.append((of, one))
     if not found:
-        raise renderers.NotFound(f"{', '.join(techniques)} applies to none of {_names(scenes)}")
+        raise NotFound(f"{', '.join(techniques)} applies to none of {_names(scenes)}")
     if not pairs:
-        raise renderers.NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
+        raise NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
     if cover:
         pairs = _cover(pairs)
     if variants:
-        for of in (of for of in references.ladder() if of.parameters):
+        for of in (of for of in ladder() if of.parameters):
             if references.is_fresh(of):
                 pairs.append((of, standard_technique(of)))
             else:
@@ -115,7 +117,7 @@ def renderer_agenda(
     elif not hasattr(renderer, "render"):
         renderer = renderers.Function(renderer)
     if not renderer.takes_scene and (len(scenes) != 1 or not explicit):
-        raise renderers.NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
+        raise NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
     paths = [write_variant(of, folder) if of.parameters else of.path for of in scenes]
     tasks = [Task(of, "renderer", renderer, path) for of, path in zip(scenes, paths, strict=True)]
     return Agenda(tasks)

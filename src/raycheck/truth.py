@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.references import Reference
-from raycheck.tiles import SMALLEST, Tile, quad_tree, region_means, region_variances, whole
-from raycheck.verdict import Expected
+from raycheck.stats.tiles import SMALLEST, Tile, quad_tree, region_means, region_variances, whole
+from raycheck.stats.verdict import Expected
 
 Array = NDArray[np.float64]
 

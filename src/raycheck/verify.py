@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 import os
-import platform
 import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -14,15 +13,18 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raycheck import checks, diagnosis, references, renderers, words
+from raycheck.base.errors import ImageError, NotFound, RenderError, RenderLate, RenderTimeout
+from raycheck.base.images import Image, load_image
+from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.seeds import make_seeds
+from raycheck.base.text import signed
 from raycheck.evidence import Evidence, evidence
-from raycheck.images import Image, ImageError, load_image
 from raycheck.pilot import (
     Goals,
     Pilot,
@@ -35,12 +37,12 @@ from raycheck.pilot import (
     residual_skewness,
     tile_skewness,
 )
-from raycheck.seeds import make_seeds
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.stats.tiles import SMALLEST, Tile, region_means
+from raycheck.stats.verdict import Judgement, Limits, Outcome, judge
 from raycheck.tasks import Agenda, Task, oneray_agenda, renderer_agenda
-from raycheck.techniques import read_content
-from raycheck.tiles import SMALLEST, Tile, region_means
 from raycheck.truth import Truth, truth_of
-from raycheck.verdict import Judgement, Limits, Outcome, judge
 
 Array = NDArray[np.float64]
 
@@ -127,9 +129,9 @@ class Verification:
             found = json.loads(path.read_text(encoding="utf-8"))
             cases = [Case(**{**case, "verdict": Outcome(case["verdict"])}) for case in found.pop("cases")]
         except OSError as error:
-            raise renderers.NotFound(f"{path}: {error.strerror}") from None
+            raise NotFound(f"{path}: {error.strerror}") from None
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise renderers.NotFound(f"{path}: not a result of raycheck verify --json ({error})") from None
+            raise NotFound(f"{path}: not a result of raycheck verify --json ({error})") from None
         return cls(cases, found)
 
     def to_json(self) -> str:
@@ -205,7 +207,7 @@ def verify(
     """
     started = time.perf_counter()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes
-    named = [references.variant(scene, parameters) for scene in scenes or references.scene_names()]
+    named = [variants.variant(scene, parameters) for scene in scenes or variants.scene_names()]
     jobs = jobs or min(2, os.cpu_count() or 1)
     if images is not None:
         cases = [_judge_pictures(named, len(scenes), images, bool(renderer or techniques), limits)]
@@ -213,9 +215,7 @@ def verify(
             on_case(cases[0], 1)
         return Verification(cases, _header(started, cases, {}, thorough, seed, jobs))
     if renderer is not None and techniques:
-        raise renderers.NotFound(
-            "--technique chooses among oneray's techniques: it does not go with --renderer"
-        )
+        raise NotFound("--technique chooses among oneray's techniques: it does not go with --renderer")
     budget = QUICK_SECONDS if seconds is None else seconds
     settings = Settings(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
@@ -237,7 +237,7 @@ def verify(
 
 
 def _judge_pictures(
-    named: Sequence[references.Variant],
+    named: Sequence[variants.Variant],
     scenes: int,
     images: str | Sequence[str | Path],
     more: bool,
@@ -245,9 +245,9 @@ def _judge_pictures(
 ) -> Case:
     """The verdict on pictures that are already rendered; NotFound where the request makes no sense."""
     if more:
-        raise renderers.NotFound("--images judges pictures: it goes with neither --renderer nor --technique")
+        raise NotFound("--images judges pictures: it goes with neither --renderer nor --technique")
     if scenes != 1:
-        raise renderers.NotFound("--images needs one SCENE, the one that the pictures show")
+        raise NotFound("--images needs one SCENE, the one that the pictures show")
     return _judge_files(named[0], _image_paths(images), limits)
 
 
@@ -316,11 +316,11 @@ def _judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> C
             return _judge_renders(_Trial(task, truth, settings, pool), seeds, case)
     except _Broken as error:
         return case(Outcome.FAIL, str(error))
-    except renderers.RenderTimeout as error:
+    except RenderTimeout as error:
         return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
-    except renderers.RenderLate as error:
+    except RenderLate as error:
         return case(Outcome.FAIL, str(error), late=True)
-    except renderers.RenderError as error:
+    except RenderError as error:
         return case(Outcome.FAIL, str(error))
 
 
@@ -470,7 +470,7 @@ def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool)
     return plan(pilot, truth, BATCHES, wishes, settings.limits)
 
 
-def _known_as(of: references.Variant) -> str:
+def _known_as(of: variants.Variant) -> str:
     """What signatures and parts go by; another scene may have the name of one here."""
     return of.label if of.canonical else str(of.path)
 
@@ -519,12 +519,12 @@ def _image_paths(images: str | Sequence[str | Path]) -> list[Path]:
     if isinstance(images, str):
         paths = [Path(p) for p in sorted(glob.glob(images))]  # noqa: PTH207 (absolute patterns too)
         if not paths:
-            raise renderers.NotFound(f"--images {images!r}: no file matches")
+            raise NotFound(f"--images {images!r}: no file matches")
         return paths
     return [Path(p) for p in images]
 
 
-def _judge_files(of: references.Variant, files: list[Path], limits: Limits) -> Case:
+def _judge_files(of: variants.Variant, files: list[Path], limits: Limits) -> Case:
     loaded: list[Image] = []
     for file in files:
         try:
@@ -535,7 +535,7 @@ def _judge_files(of: references.Variant, files: list[Path], limits: Limits) -> C
 
 
 def judge_pictures(
-    of: references.Variant, loaded: Sequence[Image], names: Sequence[str], limits: Limits
+    of: variants.Variant, loaded: Sequence[Image], names: Sequence[str], limits: Limits
 ) -> Case:
     """Judge pictures that were already rendered, even a single one; their names are for messages."""
     started = time.perf_counter()
@@ -613,7 +613,7 @@ def judge_few(
 def _few(found: Judgement, count: int) -> str:
     more = max(int(np.ceil(count * (found.more_samples - 1))), 1)
     wide = found.undecided[0] if found.undecided else None
-    width = f"a tile is only known to {words.signed(wide.low)} … {words.signed(wide.high)}; " if wide else ""
+    width = f"a tile is only known to {signed(wide.low)} … {signed(wide.high)}; " if wide else ""
     many = f"{more} more images" if more < 10_000 else "far more samples per pixel"
     images = f"{count} image{'s' if count > 1 else ''}"
     return f"too noisy to say from {images}: {width}{many} like these would decide"
@@ -677,23 +677,3 @@ def _header(
         "totals": totals | {"seconds": round(max(spent, sum(case.seconds for case in cases)), 1)},
         "left_out": dict(left_out),
     }
-
-
-def raycheck_version() -> str:
-    try:
-        return version("raycheck")
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def machine() -> str:
-    """The processor, its cores and the system, on a line."""
-    name = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.is_file():
-        models = [
-            x.split(":", 1)[1].strip() for x in info.read_text().splitlines() if x.startswith("model name")
-        ]
-        name = models[0] if models else name
-    system = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    return f"{name}, {os.cpu_count()} cores, {system}"

@@ -4,25 +4,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
+from raycheck.base.text import duration, percent, signed
 from raycheck.diagnosis import Mistake
 from raycheck.parts import Explanation, Hypothesis
-from raycheck.tiles import Tile, place
-from raycheck.verdict import Finding, Judgement, Outcome
+from raycheck.stats.tiles import Tile, place
+from raycheck.stats.verdict import Finding, Judgement, Outcome
 
 CHANNELS = ("red", "green", "blue")
-
-
-def percent(value: float) -> str:
-    """Two or three digits: "12 %", "0.31 %", "0.004 %"."""
-    size = abs(value) * 100
-    if not math.isfinite(size):
-        return "∞ %"
-    digits = 0 if size >= 20 else 1 if size >= 2 else 2 if size >= 0.1 else 3
-    return f"{size:.{digits}f} %"
-
-
-def signed(value: float) -> str:
-    return ("+" if value >= 0 else "−") + percent(value)
 
 
 def reason(
@@ -155,14 +143,6 @@ def _undecided(found: Judgement, regions: list[Tile], height: int, width: int, s
         f"a few samples carry so much of the light in {found.heavy_tailed} places that intervals cannot be "
         f"trusted; {need}"
     )
-
-
-def duration(seconds: float) -> str:
-    if seconds < 120:
-        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
-    if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
 
 
 def left_out(cases: Mapping[str, str]) -> list[str]:

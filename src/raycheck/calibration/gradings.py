@@ -26,8 +26,8 @@ from raycheck.grading.keys import Keys
 from raycheck.grading.sandbox import Tier
 from raycheck.grading.simulated import Simulated
 from raycheck.pools import Pool
-from raycheck.techniques import BEST
-from raycheck.verdict import Outcome
+from raycheck.scene.techniques import BEST
+from raycheck.stats.verdict import Outcome
 
 SPP = 2
 WIDE = 0.5

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import apart, builds, mutants
+from raycheck.base.errors import NotFound
 from raycheck.builds import Build
 from raycheck.calibration import rivals, trials
 from raycheck.calibration.lines import append_lines, read_lines
 from raycheck.mutants import Mutant
 from raycheck.pools import Pool
-from raycheck.renderers import NotFound
-from raycheck.tiles import region_means
+from raycheck.stats.tiles import region_means
 from raycheck.truth import Truth
 from raycheck.verify import PILOT_IMAGES
 

@@ -14,16 +14,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import apart, builds, mutants, references
-from raycheck import statistics as st
+from raycheck import apart, builds, mutants
+from raycheck.base.seeds import make_seeds
 from raycheck.builds import Build
 from raycheck.calibration import rivals, trials
 from raycheck.calibration.lines import append_lines, read_lines
 from raycheck.pools import Pool
-from raycheck.seeds import make_seeds
-from raycheck.tiles import Tile
+from raycheck.scene import variants
+from raycheck.stats import statistics as st
+from raycheck.stats.tiles import Tile
+from raycheck.stats.verdict import Expected, Outcome, judge
 from raycheck.truth import Truth
-from raycheck.verdict import Expected, Outcome, judge
 from raycheck.verify import BATCHES, PILOT_IMAGES
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ def mitsuba_render(configuration: Configuration) -> Render:
     import mitsuba
 
     mitsuba.set_variant("scalar_rgb")
-    scene = mitsuba.load_file(str(references.scene_path(configuration.scene)))
+    scene = mitsuba.load_file(str(variants.scene_path(configuration.scene)))
     return lambda seeds: np.stack(
         [np.array(mitsuba.render(scene, spp=SPP, seed=seed), dtype=np.float64) for seed in seeds]
     )

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from raycheck.images import encode_srgb
-from raycheck.tiles import Tile, region_means, region_variances
+from raycheck.base.images import encode_srgb
+from raycheck.stats.tiles import Tile, region_means, region_variances
 from raycheck.truth import Truth
 
 Array = NDArray[np.float64]

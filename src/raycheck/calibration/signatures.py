@@ -14,14 +14,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants, references, renderers
+from raycheck import mutants, references
+from raycheck.base.errors import RenderError
+from raycheck.base.seeds import make_seeds
 from raycheck.calibration import trials
 from raycheck.diagnosis import folder
 from raycheck.evidence import fine_tiles
 from raycheck.mutants import Mutant
-from raycheck.seeds import make_seeds
-from raycheck.techniques import applicable, read_content, technique
-from raycheck.tiles import region_means
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import applicable, technique
+from raycheck.stats.tiles import region_means
 
 Array = NDArray[np.float64]
 
@@ -54,7 +57,7 @@ def pairs(wanted: Sequence[Mutant]) -> list[Pair]:
     """Each mistake in each complete scene that its technique applies to, and in the one that shows it."""
     found = []
     for scene in scenes_of(wanted):
-        possible = applicable(read_content(references.scene_path(scene)))
+        possible = applicable(read_content(variants.scene_path(scene)))
         found += [
             Pair(m, scene)
             for m in wanted
@@ -95,13 +98,13 @@ def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
         same = np.array_equal(trials.Program(program, name).images(pair.scene, [(1, 1)])[0], first)
         broken = correct if same else _tile_means(program, pair.scene, name, seeds)
         right = correct
-    except renderers.RenderError:
+    except RenderError:
         broken = right = none
     _save(path, broken=broken, right=right)
 
 
 def _shape(scene: str) -> tuple[int, int]:
-    entry = references.require(references.variant(scene))
+    entry = references.require(variants.variant(scene))
     return entry["height"], entry["width"]
 
 
@@ -172,7 +175,7 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
             error=np.array(errors, dtype=np.float32), deviation=np.array(deviations, dtype=np.float16),
         )  # fmt: skip
         scenes[scene] = {
-            "hash": references.scene_hash(references.scene_path(scene)), "mistakes": names,
+            "hash": variants.scene_hash(variants.scene_path(scene)), "mistakes": names,
             "spp": SPP * SEEDS, "complete": scene in COMPLETE,
         }  # fmt: skip
     listing = {

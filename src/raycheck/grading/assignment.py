@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from raycheck import references
-from raycheck.references import ReferenceError_, Variant
-from raycheck.renderers import NotFound
-from raycheck.techniques import TECHNIQUES, technique
+from raycheck.base.errors import NotFound, ReferenceError_
+from raycheck.scene.techniques import TECHNIQUES, technique
+from raycheck.scene.variants import Variant, variant
 
 REVIEW = "review"
 PROGRAM, PICTURES = "program", "pictures"
@@ -104,7 +104,7 @@ class Assignment:
     def scene(self, name: str) -> Variant:
         """The scene of a task; ReferenceError_ if there is none."""
         beside = self.path.parent / name
-        return references.variant(beside if beside.is_file() else name)
+        return variant(beside if beside.is_file() else name)
 
 
 def read_assignment(path: Path) -> Assignment:

@@ -13,6 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from raycheck.base.data import ROOT, references_dir
+from raycheck.base.errors import NotFound
 from raycheck.grading import course
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.judge import Grader
@@ -20,10 +22,8 @@ from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
 from raycheck.grading.sandbox import FIRST_USER, GRADING, USERS, Tier
 from raycheck.pools import Here
-from raycheck.references import references_dir
-from raycheck.renderers import NotFound
 
-FOLDER = Path(__file__).resolve().parents[3] / "tests/attacks"
+FOLDER = ROOT / "tests/attacks"
 ASSIGNMENT = """\
 name = "attacks"
 delta = 0.05

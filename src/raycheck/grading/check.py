@@ -7,16 +7,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from raycheck import mutants, words
+from raycheck import mutants
+from raycheck.base.errors import NotFound
+from raycheck.base.text import duration
 from raycheck.grading.assignment import Assignment, Task
 from raycheck.grading.judge import Grader
 from raycheck.grading.results import SceneResult
 from raycheck.grading.simulated import Simulated
 from raycheck.mutants import Mutant
-from raycheck.references import Variant
-from raycheck.renderers import NotFound
-from raycheck.techniques import BEST, applicable, read_content, technique
-from raycheck.verdict import Outcome
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import BEST, applicable, technique
+from raycheck.scene.variants import Variant
+from raycheck.stats.verdict import Outcome
 
 FEW, ALL, NONE = "few", "all", "none"
 """One mistake for each task, that of its technique which its scene shows; all of its technique; none."""
@@ -122,21 +124,21 @@ def _try(
 def refusals(assignment: Assignment, results: Sequence[TaskCheck], limit: float) -> list[str]:
     """Why an honest program of that speed would not get through; a line each."""
     limits, lines = assignment.limits, []
-    allowed = f"the platform's limit is {words.duration(limit)}"
+    allowed = f"the platform's limit is {duration(limit)}"
     for result in results:
         if result.picture_seconds > limits.picture_seconds:
             lines.append(
                 f"{result.task.id}: a picture of {result.task.spp} samples takes "
-                f"{words.duration(result.picture_seconds)}, picture_seconds is {limits.picture_seconds:g}"
+                f"{duration(result.picture_seconds)}, picture_seconds is {limits.picture_seconds:g}"
             )
         if result.scene_seconds > limits.task_seconds:
             lines.append(
-                f"{result.task.id}: a scene takes {words.duration(result.scene_seconds)}, "
+                f"{result.task.id}: a scene takes {duration(result.scene_seconds)}, "
                 f"task_seconds is {limits.task_seconds:g}"
             )
         if result.seconds > limit:
-            lines.append(f"{result.task.id}: it takes {words.duration(result.seconds)}, {allowed}")
+            lines.append(f"{result.task.id}: it takes {duration(result.seconds)}, {allowed}")
     total = sum(result.seconds for result in results)
     if total > limit:
-        lines.append(f"all tasks: they take {words.duration(total)}, {allowed}")
+        lines.append(f"all tasks: they take {duration(total)}, {allowed}")
     return lines

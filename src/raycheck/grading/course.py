@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from raycheck import builds
+from raycheck.base.errors import Lost, NotFound
+from raycheck.base.files import write_whole as write_whole
 from raycheck.builds import Build
-from raycheck.cli_support import replace as write_whole
 from raycheck.grading import assignment_bundle, piece, submission
 from raycheck.grading.assignment import PICTURES, Assignment
 from raycheck.grading.gradescope import results_json
@@ -27,8 +28,7 @@ from raycheck.grading.results import StudentResult
 from raycheck.grading.sandbox import GRADING, Tier
 from raycheck.grading.submission import SubmissionError, is_archive
 from raycheck.grading.tables import Override, apply_overrides, grades_csv, junit_xml
-from raycheck.pools import ATTEMPTS, Lost, Pool
-from raycheck.renderers import NotFound
+from raycheck.pools import ATTEMPTS, Pool
 
 RESULT = "result.json"
 TEACHERS = "teacher.html"

@@ -7,7 +7,7 @@ from typing import Any
 
 from raycheck.grading.pages import number, sentence
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 
 def results_json(result: StudentResult) -> str:

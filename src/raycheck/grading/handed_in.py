@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import references
+from raycheck.base.errors import RenderError
+from raycheck.base.images import Image
 from raycheck.grading.hidden import look_at, with_reference
 from raycheck.grading.pixels import Decoder
-from raycheck.images import Image
 from raycheck.reference_making import tile_means
-from raycheck.references import Variant
-from raycheck.renderers import RenderError
-from raycheck.tiles import SMALLEST
-from raycheck.verdict import Limits, Outcome
+from raycheck.scene.variants import Variant
+from raycheck.stats.tiles import SMALLEST
+from raycheck.stats.verdict import Limits, Outcome
 from raycheck.verify import Case, judge_pictures
 
 Array = NDArray[np.float64]

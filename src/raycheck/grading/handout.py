@@ -7,11 +7,11 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from raycheck.base.data import ROOT
+from raycheck.base.errors import NotFound
 from raycheck.grading.assignment import Assignment, Task
 from raycheck.grading.c_functions import Function, find
-from raycheck.mutants import ROOT
-from raycheck.renderers import NotFound
-from raycheck.techniques import technique
+from raycheck.scene.techniques import technique
 
 SOURCES = Path("src/oneray")
 MANIFEST = """\

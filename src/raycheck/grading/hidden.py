@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck import reference_making, references, renderers
+from raycheck.base.errors import ReferenceError_
+from raycheck.base.files import one_process
+from raycheck.base.machine import cores
 from raycheck.grading.keys import Keys
-from raycheck.pools import cores, one_process
-from raycheck.references import Variant
-from raycheck.techniques import BEST, technique
+from raycheck.scene import variants
+from raycheck.scene.techniques import BEST, technique
+from raycheck.scene.variants import Variant
 
 Array = NDArray[np.float64]
 
@@ -66,7 +69,7 @@ def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) 
     path = folder / f"{of.label.replace('=', '-').replace('@', '-')}-{name}.xml"
     texts = [vary(of, f"{purpose}/{attempt}", keys) for attempt in range(TRIES)]
     if path.is_file() and path.read_text(encoding="utf-8") in texts:
-        made = references.variant(path)
+        made = variants.variant(path)
         if references.is_fresh(made):
             return made
     least = SIMILAR * references.load_reference(of).mean.mean()
@@ -75,10 +78,10 @@ def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) 
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _copy_meshes(of, folder)
             path.write_text(text, encoding="utf-8")
-        made = references.variant(path)
+        made = variants.variant(path)
         if look_at(made).mean() > least:
             return made
-    raise references.ReferenceError_(f"{of.label}: no variant shows enough light")
+    raise ReferenceError_(f"{of.label}: no variant shows enough light")
 
 
 def look_at(of: Variant) -> Array:

@@ -17,30 +17,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import builds, checks, lecture, pictures, references
+from raycheck import builds, checks, references
+from raycheck.base import pictures
+from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
+from raycheck.base.images import Image
+from raycheck.base.seeds import make_seeds
 from raycheck.grading import handed_in, noise, points, speed
 from raycheck.grading.assignment import PICTURES, Assignment, Task
 from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant, with_reference
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
 from raycheck.grading.pixels import Decoder
 from raycheck.grading.program import OVER, Program, build, write_scene
-from raycheck.grading.results import (
-    NOT_EXECUTED,
-    SceneResult,
-    StudentResult,
-    TaskResult,
-    failed_everything,
-)
+from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
 from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
-from raycheck.images import Image
-from raycheck.references import Variant
-from raycheck.renderers import RenderError, RenderLate, RenderTimeout
-from raycheck.seeds import make_seeds
-from raycheck.tiles import region_means
+from raycheck.scene import lecture
+from raycheck.scene.variants import Variant
+from raycheck.stats.tiles import region_means
+from raycheck.stats.verdict import Limits, Outcome
 from raycheck.truth import truth_of
-from raycheck.verdict import Limits, Outcome
 from raycheck.verify import BATCHES, PILOT_IMAGES, Case, judge_pictures, verify
 
 Array = NDArray[np.float64]

@@ -9,11 +9,11 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
-from raycheck import words
+from raycheck.base.machine import raycheck_version
+from raycheck.base.text import duration, percent
 from raycheck.grading.assignment import Assignment
 from raycheck.grading.results import NOT_EXECUTED, StudentResult
-from raycheck.verdict import Outcome
-from raycheck.verify import raycheck_version
+from raycheck.stats.verdict import Outcome
 
 TEMPLATES = Path(__file__).parent.parent / "templates"
 
@@ -34,7 +34,7 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.globals.update(
-        number=number, sentence=sentence, percent=words.percent, duration=words.duration,
+        number=number, sentence=sentence, percent=percent, duration=duration,
         version=raycheck_version(), not_executed=NOT_EXECUTED,
         css=Markup((TEMPLATES / "grading.css").read_text(encoding="utf-8")),
     )  # fmt: skip

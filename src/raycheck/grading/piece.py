@@ -8,6 +8,7 @@ import traceback
 from pathlib import Path
 
 from raycheck import apart, builds
+from raycheck.base.errors import Lost, NotFound
 from raycheck.builds import Build
 from raycheck.grading import assignment_bundle, sandbox
 from raycheck.grading.assignment import Assignment, read_assignment
@@ -15,9 +16,7 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.results import StudentResult, failed_everything
 from raycheck.grading.sandbox import GRADING, Jail, Tier
 from raycheck.grading.submission import Handed
-from raycheck.pools import Lost
-from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 
 def grade(

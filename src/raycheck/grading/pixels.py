@@ -16,8 +16,8 @@ from pathlib import Path
 
 import OpenImageIO as oiio
 
-from raycheck.images import Image, ImageError, load_image
-from raycheck.renderers import RenderError
+from raycheck.base.errors import ImageError, RenderError
+from raycheck.base.images import Image, load_image
 
 oiio.attribute("threads", 1)  # before it is used: processes forked later would lack the threads of its pool
 oiio.attribute("exr_threads", -1)

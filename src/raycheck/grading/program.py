@@ -11,21 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import scene_export
+from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
 from raycheck.grading.assignment import Limits
 from raycheck.grading.pixels import Decoder, take_picture
 from raycheck.grading.sandbox import Jail
-from raycheck.references import Variant
-from raycheck.renderers import (
-    NotFound,
-    RenderError,
-    Rendering,
-    RenderLate,
-    RenderTimeout,
-    TakesPlaceholders,
-    split_command,
-)
-from raycheck.scene_reader import read_scene
+from raycheck.renderers import Rendering, TakesPlaceholders, split_command
+from raycheck.scene import export
+from raycheck.scene.reader import read_scene
+from raycheck.scene.variants import Variant
 
 Array = NDArray[np.float64]
 OVER = "the time for the whole grading was over"
@@ -46,8 +39,8 @@ def write_scene(of: Variant, name: str, folder: Path) -> tuple[int, int]:
             shutil.copyfile(mesh, folder / mesh.name)
             string.set("value", mesh.name)
     ElementTree.ElementTree(root).write(folder / "scene.xml", encoding="utf-8")
-    data = {**scene_export.export(of), "scene": name}
-    (folder / "scene.json").write_text(scene_export.to_json(data), encoding="utf-8")
+    data = {**export.export(of), "scene": name}
+    (folder / "scene.json").write_text(export.to_json(data), encoding="utf-8")
     camera = read_scene(of.path, of.parameters).camera
     return camera.height, camera.width
 

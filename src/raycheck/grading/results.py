@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 NOT_EXECUTED = "not executed"
 """What every page and file says of pictures that were handed in."""

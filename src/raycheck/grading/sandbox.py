@@ -24,12 +24,12 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
+from raycheck.base.errors import NotFound
 from raycheck.grading import cgroups, confine
 from raycheck.grading.assignment import Limits
 from raycheck.grading.cgroups import Group
 from raycheck.grading.confined import Confined
 from raycheck.grading.watch import Bounds, Finished, Size, watch
-from raycheck.renderers import NotFound
 
 FIRST_USER = 61184
 """User ids that no distribution hands out (systemd leaves 61184–65519 to such uses)."""

@@ -15,7 +15,7 @@ from scipy import stats
 
 from raycheck.grading.oneray_bundle import bundle_oneray
 from raycheck.grading.program import Program
-from raycheck.techniques import technique
+from raycheck.scene.techniques import technique
 
 PAIRS = 8
 SURE = 0.99

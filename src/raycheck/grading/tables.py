@@ -9,11 +9,11 @@ from pathlib import Path
 
 from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
+from raycheck.base.errors import NotFound
 from raycheck.grading.assignment import Assignment
 from raycheck.grading.pages import number, sentence
 from raycheck.grading.results import NOT_EXECUTED, StudentResult, TaskResult
-from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck import pools
+from raycheck.base.errors import NotFound
+from raycheck.base.processes import tree
 from raycheck.grading import confine
 from raycheck.grading.cgroups import Group
 from raycheck.grading.confined import Confined
-from raycheck.renderers import NotFound
 
 KEPT_BYTES = 4000
 """Of what a program says on standard error."""
@@ -225,7 +225,7 @@ def _kill(process: Process) -> None:
 def _memory(root: int) -> int:
     """Bytes resident of a process and all below it."""
     total, page = 0, os.sysconf("SC_PAGE_SIZE")
-    for pid in pools.tree(root):
+    for pid in tree(root):
         with contextlib.suppress(OSError, ValueError, IndexError):
             total += int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * page
     return total

@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import statistics as st
+from raycheck.stats import statistics as st
 
 Array = NDArray[np.float64]
 

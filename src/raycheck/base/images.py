@@ -12,15 +12,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck.base.errors import ImageError
+
 Array = NDArray[np.float64]
+
 Precision = Literal["float", "half", "rgbe", "8-bit"]
 
 MAX_PIXELS = 1 << 26
 """Larger images are refused before they are decoded."""
-
-
-class ImageError(Exception):
-    """A file that is not a usable image; one line that names the file."""
 
 
 @dataclass(frozen=True)

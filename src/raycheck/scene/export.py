@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.references import ReferenceError_, Variant
-from raycheck.scene_reader import Camera, Material, Scene, Shape, read_scene
+from raycheck.base.errors import ReferenceError_
+from raycheck.scene.reader import Camera, Material, Scene, Shape, read_scene
+from raycheck.scene.variants import Variant
 
 Array = NDArray[np.float64]
 SCHEMA = Path(__file__).with_name("scene.schema.json")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.images import encode_srgb, write_png
+from raycheck.base.images import encode_srgb, write_png
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]

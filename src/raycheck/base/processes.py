@@ -1,0 +1,56 @@
+"""Processes that this one starts: run one to its end, and end one with all that it started."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import weakref
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from raycheck.base.errors import Lost, RenderError
+
+running: "weakref.WeakSet[subprocess.Popen[bytes]]" = weakref.WeakSet()
+"""The processes that threads of this one wait for, to be ended with it."""
+
+
+def tree(root: int) -> Iterator[int]:
+    """A process and all below it, by Linux's /proc."""
+    waiting = [root]
+    while waiting:
+        yield (pid := waiting.pop())
+        with contextlib.suppress(OSError, ValueError):
+            for thread in Path(f"/proc/{pid}/task").iterdir():
+                waiting += map(int, (thread / "children").read_text().split())
+
+
+def kill_tree(process: subprocess.Popen[bytes]) -> None:
+    """With all below it, which may lead sessions of their own."""
+    for pid in list(tree(process.pid))[1:] if process.poll() is None else ():
+        with contextlib.suppress(OSError):
+            os.kill(pid, signal.SIGKILL)
+    process.kill()
+
+
+def run_process(words: Sequence[str], hide: str = "") -> None:
+    """Run a program. Lost if a signal ends it; if it fails, RenderError with its last line without `hide`."""
+    process = subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        start_new_session=os.name == "posix",
+    )  # fmt: skip
+    running.add(process)
+    try:
+        said = process.communicate()[1].decode(errors="replace").strip()
+    finally:
+        running.discard(process)
+    if process.returncode < 0:
+        raise ended(words[0], process.returncode)
+    if process.returncode:
+        last = said.splitlines()[-1] if said else f"exit status {process.returncode}"
+        raise RenderError(last.replace(hide, "") if hide else last)
+
+
+def ended(name: str, status: int) -> Lost:
+    """Without a result: exit status, or minus the signal."""
+    how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
+    return Lost(f"{name} was ended by {how}")

@@ -1,0 +1,36 @@
+"""Numbers for people."""
+
+import math
+
+import numpy as np
+
+
+def percent(value: float) -> str:
+    """Two or three digits: "12 %", "0.31 %", "0.004 %"."""
+    size = abs(value) * 100
+    if not math.isfinite(size):
+        return "∞ %"
+    digits = 0 if size >= 20 else 1 if size >= 2 else 2 if size >= 0.1 else 3
+    return f"{size:.{digits}f} %"
+
+
+def signed(value: float) -> str:
+    return ("+" if value >= 0 else "−") + percent(value)
+
+
+def duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def number(value: float) -> str:
+    """Three digits: "0.0123", "1.00", "45.6", "1,230"."""
+    if value == 0 or not np.isfinite(value):
+        return "0" if value == 0 else "∞"
+    decimals = int(max(0, 2 - np.floor(np.log10(abs(value)) + 1e-12)))
+    if value >= 1000:
+        return f"{float(f'{value:.3g}'):,.0f}"
+    return f"{value:.{min(decimals, 8)}f}"
