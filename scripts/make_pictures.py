@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references
 from raycheck.base import data
 from raycheck.base.images import load_image, write_png
 from raycheck.base.pictures import display, exposure
-from raycheck.renderers import oneray_path
+from raycheck.renderers.oneray import oneray_path
 from raycheck.scene import variants
+from raycheck.truth import references
 
 ZOOM_LECTURE, SIDE_SCENE, IN_A_ROW, GAP = 6, 192, 8, 8
 

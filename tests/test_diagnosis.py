@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import diagnose_cli, diagnosis, mutants, references, words
+from raycheck import diagnose_cli, mutants
 from raycheck.base.images import write_pfm
-from raycheck.evidence import evidence, fine_tiles
+from raycheck.judging import diagnosis, sentences
+from raycheck.judging.evidence import evidence, fine_tiles
 from raycheck.scene import lecture
-from raycheck.truth import truth_of
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 HERE = Path(__file__).parent
 SCENE = "area-light"
@@ -80,8 +82,8 @@ def test_a_mere_factor_is_no_mistake_of_another_strength(truth):
 def test_mistakes_that_look_alike_are_all_named(truth):
     alike, _ = diagnosis.likely(evidence(SCENE, images(truth, signature("light-no-cosine")), truth))
     assert {"light-no-cosine", "nee-no-cosine"} <= {mistake.name for mistake in alike}
-    assert words.suspicion(alike).startswith("; it looks like one of these mistakes: “")
-    assert words.suspicion(alike[:1]) == f"; it looks like this mistake: “{alike[0].mistake.rstrip('.')}”"
+    assert sentences.suspicion(alike).startswith("; it looks like one of these mistakes: “")
+    assert sentences.suspicion(alike[:1]) == f"; it looks like this mistake: “{alike[0].mistake.rstrip('.')}”"
 
 
 def test_scenes_that_come_out_right_rule_mistakes_out(truth):

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import error_curves, references
+from raycheck import error_curves
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.contestants import Shot, named_commands, pinned
+from raycheck.judging.agenda import standard_technique
 from raycheck.scene import variants
 from raycheck.stats import convergence
-from raycheck.tasks import standard_technique
-from raycheck.truth import truth_of
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 SCENE = variants.variant("furnace")
 TRUTH = truth_of(references.load_reference(SCENE))

@@ -21,7 +21,6 @@ import pytest
 from gradings import need, written
 from typer.testing import CliRunner
 
-from raycheck import builds, checks, references
 from raycheck.base.errors import NotFound, RenderLate, RenderTimeout
 from raycheck.base.images import Image, write_pfm
 from raycheck.cli import app
@@ -36,9 +35,12 @@ from raycheck.grading.program import Program, Taken
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.sandbox import Jail, Tier
 from raycheck.grading.submission import Submission, SubmissionError, may_have_pictures, open_submission
-from raycheck.renderers import Rendering
+from raycheck.judging import checks
+from raycheck.renderers import builds
+from raycheck.renderers.renderer import Rendering
 from raycheck.scene import variants
 from raycheck.stats.verdict import Outcome
+from raycheck.truth import references
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))

@@ -12,7 +12,6 @@ import pytest
 from gradings import written
 from typer.testing import CliRunner
 
-from raycheck import references
 from raycheck.base.errors import NotFound
 from raycheck.base.images import write_pfm
 from raycheck.cli import app
@@ -23,6 +22,7 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.sandbox import Tier
 from raycheck.scene import export, variants
 from raycheck.stats.verdict import Outcome
+from raycheck.truth import references
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))

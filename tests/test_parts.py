@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 import raycheck
-from raycheck import part_making, parts, references, words
+from raycheck import part_making
 from raycheck.base import data
-from raycheck.evidence import evidence_of_means, fine_tiles
-from raycheck.parts import Explanation, Factor, Hypothesis
+from raycheck.judging import parts, sentences
+from raycheck.judging.evidence import evidence_of_means, fine_tiles
+from raycheck.judging.parts import Explanation, Factor, Hypothesis
 from raycheck.scene import variants
 from raycheck.stats.tiles import region_means, region_variances
-from raycheck.truth import truth_of
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 SCENE = "many-lights"
 BATCHES = 64
@@ -83,7 +85,7 @@ def test_each_light_may_have_a_factor(truth):
     error = sum(bias * template(Hypothesis(light, "direct")) for light, bias in biases.items())
     told = parts.explain(found(truth, error))
     assert {one.of.light: round(one.bias, 1) for one in told.factors} == biases
-    assert "5 more of the lights are off too; everything else agrees" in words.explanation(told)
+    assert "5 more of the lights are off too; everything else agrees" in sentences.explanation(told)
 
 
 def test_what_no_part_explains_is_not_told(truth):
@@ -114,7 +116,7 @@ def test_nothing_is_known_of_other_scenes(truth):
 def test_parts_in_words():
     def said(bias, half, *of, other=None):
         factor = Factor(Hypothesis(*of), bias, bias - half, bias + half)
-        return words.explanation(Explanation([factor], other))
+        return sentences.explanation(Explanation([factor], other))
 
     assert said(1.0, 0.1, "light 2 of 8", "", "floor") == (
         "light 2 of 8 on “floor” is 2.0 ± 0.1 times as bright as it should be; everything else agrees"

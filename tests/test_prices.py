@@ -12,10 +12,10 @@ import pytest
 
 from raycheck import prices
 from raycheck.base.text import number
+from raycheck.judging.agenda import oneray_agenda
 from raycheck.prices import Measurement
 from raycheck.scene.variants import variant
 from raycheck.stats.spread import Spread
-from raycheck.tasks import oneray_agenda
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -9,16 +9,18 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from raycheck import closed_form_store, closed_forms, mitsuba_reference, reference_making, references
 from raycheck.base import data
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.seeds import make_seeds
-from raycheck.reference_making import relative_errors, skewness_tables, tile_means
 from raycheck.scene import variants
 from raycheck.scene.reader import read_scene
 from raycheck.scene.techniques import TECHNIQUES
+from raycheck.truth import making, mitsuba, references
+from raycheck.truth.closed_forms import forms, store
+from raycheck.truth.making import relative_errors, skewness_tables, tile_means
+from raycheck.truth.manifest import read_manifest
 
-CLOSED = sorted(closed_forms.FORMS)
+CLOSED = sorted(forms.FORMS)
 MITSUBA_IS_OFF = {"inside-light", "mixed-material"}
 """Where the closed form, not Mitsuba 3.9, is right: it and oneray agree (tests/test_closed_forms.py).
 Mitsuba's sphere light seen from inside gives 0.08 % too much; its blend of a delta with a diffuse part mixes
@@ -70,19 +72,19 @@ def test_every_scene_has_a_fresh_reference_and_no_reference_is_without_a_scene()
     for name in names:
         references.load_reference(name)
     files = {path.stem for path in data.references_dir().glob("*.exr")}
-    assert files == set(references.read_manifest()) >= set(names)
+    assert files == set(read_manifest()) >= set(names)
 
 
-@pytest.mark.parametrize("label", sorted(references.read_manifest()))
+@pytest.mark.parametrize("label", sorted(read_manifest()))
 def test_the_manifest_says_how_a_reference_was_made(label: str) -> None:
-    entry = references.read_manifest()[label]
+    entry = read_manifest()[label]
     if entry.get("renderer") == "oneray":
         assert entry["technique"] in {one.name for one in TECHNIQUES}
     else:
         assert entry["variant"] in ("llvm_ad_rgb", "scalar_rgb")
         assert entry["mitsuba_version"].startswith("3.")
     assert entry["batches"] >= 32
-    assert entry["spp"] <= mitsuba_reference.MAX_SPP_PER_BATCH
+    assert entry["spp"] <= mitsuba.MAX_SPP_PER_BATCH
     assert entry["skewness_batches"] >= 1024
     sizes = [8 * 2**k for k in range(round(math.log2(max(entry["width"], entry["height"]) / 8)) + 1)]
     assert list(entry["skewness"]) == [str(size) for size in sizes]
@@ -91,9 +93,9 @@ def test_the_manifest_says_how_a_reference_was_made(label: str) -> None:
         assert np.array(table, dtype=float).shape == shape
 
 
-@pytest.mark.parametrize("label", sorted(references.read_manifest()))
+@pytest.mark.parametrize("label", sorted(read_manifest()))
 def test_a_reference_file_holds_mean_and_variance_as_floats(label: str) -> None:
-    entry = references.read_manifest()[label]
+    entry = read_manifest()[label]
     file = oiio.ImageInput.open(str(data.references_dir() / f"{label}.exr"))
     spec = file.spec()
     assert set(spec.channelnames) == set(references.CHANNELS)
@@ -105,7 +107,7 @@ def test_a_reference_file_holds_mean_and_variance_as_floats(label: str) -> None:
 
 def test_references_and_tests_use_different_seeds() -> None:
     assert max(make_seeds("any key", 1000)) < 2**31
-    for entry in references.read_manifest().values():
+    for entry in read_manifest().values():
         ranges = [range(first, first + count) for first, count in (entry["seeds"], entry["skewness_seeds"])]
         assert min(r.start for r in ranges) >= 2**31
         assert max(r.stop for r in ranges) <= 2**32
@@ -179,7 +181,7 @@ def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -
     assert np.allclose(references.read_exr(path), np.concatenate([mean, variance], axis=-1), rtol=1e-7)
     manifest = json.loads((elsewhere / "references" / "manifest.json").read_text())
     assert manifest["furnace@depth=3"] == entry
-    assert manifest["cornell-box"] == references.read_manifest()["cornell-box"]
+    assert manifest["cornell-box"] == read_manifest()["cornell-box"]
     assert set((elsewhere / "references").iterdir()) == before | {path}
 
 
@@ -195,7 +197,7 @@ def test_mitsuba_and_the_closed_form_agree_within_five_standard_errors(name: str
     """20 scenes of at most 195 values each: new samples would give a false alarm 2 times in a thousand."""
     reference = references.load_reference(name)
     assert reference.closed_form is not None
-    least = 0.7 if name in closed_forms.BORDERS else 0.9
+    least = 0.7 if name in forms.BORDERS else 0.9
     assert np.isfinite(reference.closed_form).mean() > least
     whole, tiles = distances(reference, reference.closed_form)
     assert np.abs(whole).max() < 5
@@ -273,7 +275,7 @@ def test_lamberts_formula_equals_the_integral() -> None:
     d = np.linalg.norm(to_patch, axis=-1)
     area = np.cross(a, b)
     expected = np.mean(to_patch[..., 2] * np.abs(to_patch @ area) / d**4)
-    found = closed_forms.projected_solid_angle(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), corners)
+    found = forms.projected_solid_angle(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), corners)
     assert found[0] == pytest.approx(expected, rel=1e-6)
 
 
@@ -320,7 +322,7 @@ def test_a_kept_closed_form_is_what_its_formula_gives(label: str) -> None:
     """Where it is not, a formula has changed under the same version."""
     of = variants.variant(label)
     with np.load(references.closed_form_file(of)) as kept:
-        found = closed_forms.evaluate(of.name, of.path, of.parameters)
+        found = forms.evaluate(of.name, of.path, of.parameters)
         np.testing.assert_allclose(kept["image"], found, rtol=1e-12)
 
 
@@ -328,17 +330,17 @@ def test_kept_closed_forms_are_those_of_the_scenes_and_formulas_as_they_are() ->
     """Renewed by raycheck reference --closed-forms."""
     for file in sorted((data.references_dir() / "closed-forms").iterdir()):
         of = variants.variant(file.stem)
-        digest = closed_form_store.digest(variants.scene_hash(of.path, of.parameters))
-        assert closed_form_store.read(file, digest) is not None, file.name
+        digest = store.digest(variants.scene_hash(of.path, of.parameters))
+        assert store.read(file, digest) is not None, file.name
 
 
 def test_a_closed_form_of_another_digest_is_not_used(tmp_path: Path) -> None:
     of = variants.variant("touching-light")
     file = tmp_path / "kept/touching-light.npz"
-    assert closed_form_store.keep(file, "hash", of.path, {})
-    assert closed_form_store.read(file, closed_form_store.digest("hash")) is not None
-    assert closed_form_store.read(file, closed_form_store.digest("another")) is None
-    assert closed_form_store.read(tmp_path / "none.npz", closed_form_store.digest("hash")) is None
+    assert store.keep(file, "hash", of.path, {})
+    assert store.read(file, store.digest("hash")) is not None
+    assert store.read(file, store.digest("another")) is None
+    assert store.read(tmp_path / "none.npz", store.digest("hash")) is None
 
 
 def test_scenes_without_closed_form_say_so() -> None:
@@ -364,7 +366,7 @@ def test_skewness_is_that_of_one_sample() -> None:
 
 def test_accumulating_gives_mean_and_variance_of_the_mean() -> None:
     images = np.random.default_rng(2).normal(1e6, 1, size=(50, 4, 4, 3))
-    mean, variance, count = reference_making.accumulate(iter(images))
+    mean, variance, count = making.accumulate(iter(images))
     assert count == 50
     assert np.allclose(mean, images.mean(axis=0), rtol=1e-14)
     assert np.allclose(variance, images.var(axis=0, ddof=1) / 50, rtol=1e-8)
@@ -390,8 +392,8 @@ def test_new_batches_by_mitsuba_agree_with_the_references() -> None:
     """Scalar, 40 batches of 4 samples: the image means of two scenes within 5 standard errors."""
     pytest.importorskip("mitsuba")
     for name in ("furnace", "mirror-light"):
-        renderer = mitsuba_reference.MitsubaBatches(variants.variant(name), "scalar_rgb")
-        mean, variance, _ = reference_making.accumulate(renderer.batches(5000, 40, 4))
+        renderer = mitsuba.MitsubaBatches(variants.variant(name), "scalar_rgb")
+        mean, variance, _ = making.accumulate(renderer.batches(5000, 40, 4))
         reference = references.load_reference(name)
         error = np.sqrt((variance + reference.variance_of_mean).sum(axis=(0, 1)))
         assert (np.abs((mean - reference.mean).sum(axis=(0, 1))) < 5 * error).all()

@@ -7,11 +7,11 @@ import re
 import numpy as np
 import pytest
 
-from raycheck import references
 from raycheck.base import pictures
 from raycheck.base.images import decode_srgb, encode_srgb, load_image
 from raycheck.report import write_report
 from raycheck.scene import variants
+from raycheck.truth import references
 
 SCENES = ("lecture", "furnace", "point-light", "many-lights", "mirror-light", "mesh-light")
 

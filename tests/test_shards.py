@@ -18,10 +18,10 @@ from building import ROOT
 from cluster import running
 from typer.testing import CliRunner
 
-from raycheck import pools, shards
 from raycheck.base.errors import Lost
 from raycheck.base.processes import run_process
 from raycheck.cli import app
+from raycheck.renderers import pools, shards
 
 BOX = ROOT / "scenes/cornell-box.xml"
 SPP = 70

@@ -18,17 +18,18 @@ from building import ROOT
 from cluster import running
 from typer.testing import CliRunner
 
-from raycheck import builds, mutants, pools, renderers
+from raycheck import mutants
 from raycheck.base.errors import Lost, NotFound
-from raycheck.builds import Build
 from raycheck.calibration import gradings, kills, nulls
 from raycheck.cli import app
 from raycheck.grading import course, hidden, noise, piece
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.judge import Grader
-from raycheck.grading.oneray_bundle import bundle_oneray
 from raycheck.grading.sandbox import Tier
 from raycheck.grading.submission import Handed
+from raycheck.renderers import builds, commands, pools
+from raycheck.renderers.builds import Build
+from raycheck.renderers.bundle import bundle_oneray
 from raycheck.scene import variants
 
 TASKS = """\
@@ -182,7 +183,7 @@ def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monke
     monkeypatch.setattr(noise, "IMAGES", noise.GROUPS + 1)
     found = [noise.of_oneray(of, 4, "nee", tmp_path)]
     monkeypatch.setenv("ONERAY", str(bundle_oneray(tmp_path / "bundle")))
-    monkeypatch.setattr(renderers, "oneray_command", None)
+    monkeypatch.setattr(commands, "oneray_command", None)
     found.append(noise.of_oneray(of, 4, "nee", tmp_path))
     assert found[0] == found[1]
     for other in ((of, 5, "nee"), (of, 4, "mis-power"), (variants.variant("area-light"), 4, "nee")):

@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import references, words
 from raycheck.base import data
 from raycheck.base.errors import NotFound
 from raycheck.base.images import load_image
+from raycheck.judging import sentences
+from raycheck.judging.agenda import COVER, oneray_agenda, renderer_agenda, write_variant
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import TECHNIQUES, applicable, left_out
 from raycheck.scene.variants import ladder, variant
-from raycheck.tasks import COVER, oneray_agenda, renderer_agenda, write_variant
+from raycheck.truth import references
 
 
 @pytest.fixture(autouse=True)
@@ -69,7 +70,7 @@ def test_a_reason_is_said_once() -> None:
         "caustic, light-uniform-choice": "pixel (5, 6) shows a mirror",
         "furnace@depth=2": "there is no fresh reference",
     }
-    assert words.left_out(found) == [
+    assert sentences.left_out(found) == [
         "Left out: light, light-uniform-choice on metal, caustic: a pixel shows a mirror.",
         "Left out: furnace@depth=2: there is no fresh reference.",
     ]

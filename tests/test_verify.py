@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 
 import raycheck
-from raycheck import references
 from raycheck.base.errors import NotFound, ReferenceError_, RenderError
 from raycheck.base.images import encode_srgb, load_image, write_exr, write_pfm, write_png
-from raycheck.renderers import Command, split_command
+from raycheck.judging.settings import PILOT_SPP
+from raycheck.renderers.commands import Command, split_command
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import TECHNIQUES, applicable, technique
 from raycheck.stats.verdict import Outcome
-from raycheck.truth import truth_of
-from raycheck.verify import PILOT_SPP
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 HERE = Path(__file__).parent
 SCENE = "point-light"

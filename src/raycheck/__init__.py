@@ -7,9 +7,10 @@ assert result.exit_status == 0, result.cases[0].reason
 
 from raycheck.base.errors import ImageError, NotFound
 from raycheck.base.images import Image, load_image
-from raycheck.compare import Comparison, compare
+from raycheck.judging.compare import Comparison, compare
+from raycheck.judging.verdicts import Case, Verification
+from raycheck.judging.verify import verify
 from raycheck.stats.verdict import Limits, Outcome
-from raycheck.verify import Case, Verification, verify
 
 __all__ = [
     "Case",

@@ -10,12 +10,13 @@ from typing import Annotated
 
 import typer
 
-from raycheck import mutants, pools
+from raycheck import mutants
 from raycheck.base import data
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
 from raycheck.cli_support import plain_errors
 from raycheck.mutants import Mutant
+from raycheck.renderers import pools
 from raycheck.scene import variants
 
 app = typer.Typer(help="Measure raycheck itself: false alarms, kill rate, detectable bias, naming.")

@@ -27,14 +27,10 @@ from raycheck import (
     diagnose_cli,
     error_curves,
     grade_cli,
-    mitsuba_reference,
     prices,
-    reference_making,
-    references,
     render_command,
     scene_cli,
     selftest_cli,
-    words,
 )
 from raycheck import cli_options as options
 from raycheck.base.errors import NotFound
@@ -42,7 +38,6 @@ from raycheck.base.files import write_whole
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.text import duration, percent, signed
 from raycheck.cli_support import make_console, parse_settings, plain_errors, writable
-from raycheck.compare import compare as compare_images
 from raycheck.contestants import (
     Contestant,
     command_contestant,
@@ -52,12 +47,15 @@ from raycheck.contestants import (
     pinned,
 )
 from raycheck.error_plots import flagged
-from raycheck.junit import junit_xml
+from raycheck.judging import sentences
+from raycheck.judging.compare import compare as compare_images
+from raycheck.judging.junit import junit_xml
+from raycheck.judging.verdicts import Case, Verification
+from raycheck.judging.verify import verify as run_verification
 from raycheck.scene import variants
 from raycheck.scene.techniques import TECHNIQUES
 from raycheck.stats.verdict import Limits, Outcome
-from raycheck.verify import Case, Verification
-from raycheck.verify import verify as run_verification
+from raycheck.truth import making, mitsuba, references
 
 if TYPE_CHECKING:
     from raycheck import stability as stiff
@@ -351,10 +349,10 @@ def reference(
     ] = math.inf,
     image_error: Annotated[
         float, typer.Option(help="Relative standard error of the image to reach.")
-    ] = reference_making.Goal.image,
+    ] = making.Goal.image,
     tile_error: Annotated[
         float, typer.Option(help="The same of 90 % of its 8×8 tiles; twice that beside a closed form.")
-    ] = reference_making.Goal.tile,
+    ] = making.Goal.tile,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Threads or processes, one a core by default.")
     ] = None,
@@ -365,9 +363,7 @@ def reference(
     """Make the reference of a scene, after a time estimate. Those of your own scene files go into a folder
     "references" beside them.
     """
-    goal = reference_making.Goal(
-        image=image_error, tile=tile_error, checked_tile=2 * tile_error, most_seconds=seconds
-    )
+    goal = making.Goal(image=image_error, tile=tile_error, checked_tile=2 * tile_error, most_seconds=seconds)
     if closed_forms:
         for label in references.keep_closed_forms():
             typer.echo(label)
@@ -389,21 +385,15 @@ def _wanted_references(
     return [variants.variant(scene, parameters) for scene in scenes]
 
 
-def _make_references(
-    wanted: list[variants.Variant], by: Maker, goal: reference_making.Goal, jobs: int
-) -> None:
+def _make_references(wanted: list[variants.Variant], by: Maker, goal: making.Goal, jobs: int) -> None:
     """Plan all, say how long it will take, then render the short ones first."""
-    variant = mitsuba_reference.choose_variant() if by is Maker.MITSUBA else ""
+    variant = mitsuba.choose_variant() if by is Maker.MITSUBA else ""
     console = make_console()
     work = []
     for of in wanted:
-        renderer = (
-            mitsuba_reference.MitsubaBatches(of, variant, jobs)
-            if variant
-            else reference_making.OnerayBatches(of, jobs)
-        )
+        renderer = mitsuba.MitsubaBatches(of, variant, jobs) if variant else making.OnerayBatches(of, jobs)
         checked = references.closed_form(of) is not None
-        plan = reference_making.pilot(renderer, goal, checked)
+        plan = making.pilot(renderer, goal, checked)
         work.append((of, renderer, plan))
         console.print(f"{of.label}: {plan.spp} samples per pixel, about {duration(plan.seconds)}")
     total = sum(plan.seconds for _, _, plan in work)
@@ -413,7 +403,7 @@ def _make_references(
         task = bar.add_task("", total=batches)
         for of, renderer, plan in sorted(work, key=lambda job: job[2].seconds):
             bar.update(task, description=of.label)
-            entry = reference_making.make_reference(of, renderer, plan, goal, lambda: bar.advance(task))
+            entry = making.make_reference(of, renderer, plan, goal, lambda: bar.advance(task))
             console.print(
                 f"{of.label}: {entry['batches']} batches, {duration(entry['seconds'])}, standard error "
                 f"{percent(entry['image_error'])} of the image and "
@@ -455,7 +445,7 @@ def show(result: Verification) -> None:
     console.print()
     console.print(sentence + ".", highlight=False)
     console.print(_judged_against(result.cases), highlight=False, soft_wrap=True)
-    for line in words.left_out(result.header.get("left_out", {})):
+    for line in sentences.left_out(result.header.get("left_out", {})):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 

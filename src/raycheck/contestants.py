@@ -21,10 +21,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mitsuba_reference, renderers, tasks
 from raycheck.base.errors import NotFound, RenderError, RenderTimeout
+from raycheck.judging.agenda import oneray_agenda, write_variant
+from raycheck.renderers import commands
+from raycheck.renderers.oneray import oneray_path
+from raycheck.renderers.renderer import Renderer
 from raycheck.scene.techniques import technique
 from raycheck.scene.variants import Variant
+from raycheck.truth import mitsuba
 
 Array = NDArray[np.float64]
 
@@ -66,7 +70,7 @@ class Process:
 
     name: str
     about: str
-    renderer: renderers.Renderer
+    renderer: Renderer
     scene: Path
     shown: str
     identity: str = ""
@@ -127,7 +131,7 @@ class Mitsuba:
         self._scratch = Path(tempfile.mkdtemp(prefix="raycheck-"))
         with (self._scratch / "errors").open("w") as errors:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "raycheck.mitsuba_worker", self.variant],
+                [sys.executable, "-m", "raycheck.renderers.mitsuba_worker", self.variant],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True, bufsize=1,
                 env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)),
             )  # fmt: skip
@@ -197,8 +201,8 @@ class Mitsuba:
 
 def oneray_contestants(scene: Variant, named: Sequence[str] = ()) -> tuple[list[Process], dict[str, str]]:
     """oneray with every technique that applies, or those named; and why others, that would, are left out."""
-    agenda = tasks.oneray_agenda([scene], named)
-    program = renderers.oneray_path()
+    agenda = oneray_agenda([scene], named)
+    program = oneray_path()
     found = []
     for task in agenda.tasks:
         one = technique(task.technique)
@@ -225,7 +229,7 @@ def _hash(program: Path) -> str:
 
 def mitsuba_contestants(scene: Variant) -> list[Mitsuba]:
     """Mitsuba's two variants with one thread, or only the scalar one where no LLVM library works."""
-    best = mitsuba_reference.choose_variant()
+    best = mitsuba.choose_variant()
     return [
         Mitsuba(name, f"Mitsuba's path integrator, {variant}, one thread", variant, scene)
         for name, variant in MITSUBA.items()
@@ -242,7 +246,7 @@ def named_commands(options: Sequence[str]) -> dict[str, str]:
             raise NotFound(f'--renderer {option}: NAME="COMMAND" is wanted')
         if name.strip() in found:
             raise NotFound(f"--renderer {name.strip()}: named twice")
-        parsed = renderers.Command.parse(command)
+        parsed = commands.Command.parse(command)
         for placeholder in ("spp", "seed"):
             if f"{{{placeholder}}}" not in command:
                 raise NotFound(f"--renderer {name.strip()}: the command has no {{{placeholder}}}")
@@ -254,8 +258,8 @@ def named_commands(options: Sequence[str]) -> dict[str, str]:
 
 def command_contestant(name: str, command: str, scene: Variant, folder: Path) -> Process:
     """Another renderer; a scene with other parameters is written into `folder` first."""
-    path = tasks.write_variant(scene, folder) if scene.parameters else scene.path
-    parsed = renderers.Command.parse(command)
+    path = write_variant(scene, folder) if scene.parameters else scene.path
+    parsed = commands.Command.parse(command)
     return Process(name, command, parsed, path, command, command)
 
 

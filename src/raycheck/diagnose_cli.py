@@ -9,7 +9,6 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from raycheck import checks, diagnosis, parts, references, renderers, words
 from raycheck.base import data, pictures
 from raycheck.base.errors import ImageError, NotFound, RenderError
 from raycheck.base.images import load_image, write_png
@@ -17,14 +16,17 @@ from raycheck.base.seeds import make_seeds
 from raycheck.base.text import percent
 from raycheck.cli_options import RendererCommand
 from raycheck.cli_support import make_console, plain_errors
-from raycheck.diagnosis import Diagnosis
-from raycheck.evidence import Evidence, evidence, fine_tiles
+from raycheck.judging import checks, diagnosis, parts, sentences
+from raycheck.judging.agenda import renderer_agenda
+from raycheck.judging.diagnosis import Diagnosis
+from raycheck.judging.evidence import Evidence, evidence, fine_tiles
+from raycheck.renderers.renderer import Renderer
 from raycheck.scene import lecture, variants
 from raycheck.scene.content import read_content
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import region_means
-from raycheck.tasks import renderer_agenda
-from raycheck.truth import Truth, truth_of
+from raycheck.truth import references
+from raycheck.truth.expected import Truth, truth_of
 
 Array = NDArray[np.float64]
 
@@ -142,7 +144,7 @@ def _of_renderer(renderer: str, scenes: list[str] | None) -> Findings:
     return found
 
 
-def _render(renderer: renderers.Renderer, of: Variant, truth: Truth) -> Array:
+def _render(renderer: Renderer, of: Variant, truth: Truth) -> Array:
     made = []
     for seed in make_seeds(f"diagnose/{of.label}", IMAGES):
         image = renderer.render(of.path, SPP, seed, 60.0).image
@@ -176,7 +178,7 @@ def wrong_parts(found: list[Evidence]) -> list[str]:
     """Which part of the light is wrong, in the scenes that are furthest off."""
     worst = sorted(found, key=lambda one: -one.size)[:MOST_SCENES]
     told = [(one.scene, parts.explain(one)) for one in worst]
-    return [f"{scene}: {sentence(words.explanation(told))}" for scene, told in told if told]
+    return [f"{scene}: {sentence(sentences.explanation(told))}" for scene, told in told if told]
 
 
 def guesses(told: Diagnosis) -> list[str]:

@@ -22,12 +22,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import checks, references, words
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.images import Image
 from raycheck.base.seeds import make_seeds
 from raycheck.contestants import Contestant, Shot
-from raycheck.pilot import pace
+from raycheck.judging import checks, sentences
+from raycheck.judging.agenda import standard_technique
+from raycheck.judging.pictures import judge_few
+from raycheck.judging.plan import pace
 from raycheck.prices import FALLBACK, Step, rounded
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
@@ -37,9 +39,8 @@ from raycheck.stats import convergence
 from raycheck.stats.convergence import Band, Fit, Level, Scores
 from raycheck.stats.spread import Spread
 from raycheck.stats.verdict import Outcome
-from raycheck.tasks import standard_technique
-from raycheck.truth import Truth, truth_of
-from raycheck.verify import judge_few
+from raycheck.truth import references
+from raycheck.truth.expected import Truth, truth_of
 
 Array = NDArray[np.float64]
 
@@ -326,7 +327,7 @@ def _bias(name: str, images: Array, of: Variant, truth: Truth) -> tuple[str | No
         return None, found.mde_image
     lights = read_content(of.path, of.parameters).lights
     mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
-    return words.reason(found, regions, 0.0, mistake), found.mde_image
+    return sentences.reason(found, regions, 0.0, mistake), found.mde_image
 
 
 def _to_target(

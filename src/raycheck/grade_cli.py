@@ -8,7 +8,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from raycheck import pools
 from raycheck.base.errors import NotFound
 from raycheck.check_cli import check_assignment
 from raycheck.cli_support import make_console, plain_errors
@@ -18,6 +17,7 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.package import write_package
 from raycheck.grading.pages import number, sentence
 from raycheck.grading.results import StudentResult
+from raycheck.renderers import pools
 from raycheck.stats.verdict import Outcome
 
 STUDENT_SPEED = 3e5

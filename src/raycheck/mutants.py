@@ -18,7 +18,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.base.data import ROOT
+from raycheck.base.data import PACKAGE, ROOT
 from raycheck.base.errors import NotFound, PatchError
 from raycheck.base.files import one_process
 
@@ -152,7 +152,7 @@ def _digest(mutant: Mutant | None) -> str:
     digest = hashlib.sha256("\n".join(settings()).encode())
     for path in (
         ROOT / "Makefile",
-        Path(__file__).parent / "calibration/many_seeds.c",
+        PACKAGE / "calibration/many_seeds.c",
         *sorted((ROOT / "src/oneray").iterdir()),
     ):
         digest.update(path.read_bytes())
@@ -202,7 +202,7 @@ def _make(folder: Path) -> None:
     _run(None, ["make", *variables, "all"], folder)
     (folder / "build/commands").write_text(commands, encoding="utf-8")
     (folder / "build/libraries").write_text(libraries, encoding="utf-8")
-    source = Path(__file__).parent / "calibration/many_seeds.c"
+    source = PACKAGE / "calibration/many_seeds.c"
     words = ["cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-O1", "-Isrc/oneray", "-c", str(source)]
     _run(None, [*words, "-o", f"build/{MANY_SEEDS}"], folder)
 

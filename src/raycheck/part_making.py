@@ -18,12 +18,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references, renderers
 from raycheck.base.seeds import make_seeds
-from raycheck.parts import Parts, folder, manifest
+from raycheck.judging.parts import Parts, folder, manifest
+from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST, Tile, region_means
+from raycheck.truth import references
 
 Array = NDArray[np.float64]
 Element = ElementTree.Element
@@ -170,7 +171,7 @@ class _Maker:
         self.of, self.folder = of, folder
         self.shape = entry["height"] * FINER, entry["width"] * FINER
         size = ("--height", str(self.shape[0]), "--width", str(self.shape[1]))
-        self.command = renderers.oneray_command(renderers.oneray_path(), size)
+        self.command = oneray_command(oneray_path(), size)
 
     def render(self, root: Element, spp: int, seed: int) -> Array:
         path = self.folder / "scene.xml"

@@ -27,11 +27,11 @@ from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.images import Image, load_image
 from raycheck.base.seeds import make_seeds
 from raycheck.base.text import number
+from raycheck.judging.agenda import Task, oneray_agenda
 from raycheck.scene import variants
 from raycheck.scene.techniques import BASELINE, TECHNIQUES, technique
 from raycheck.scene.variants import Variant
 from raycheck.stats.spread import Spread
-from raycheck.tasks import Task, oneray_agenda
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from raycheck import pools, shards
 from raycheck.base.errors import NotFound
 from raycheck.base.text import duration
 from raycheck.cli_support import parse_settings
+from raycheck.renderers import pools, shards
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique as named_technique
 

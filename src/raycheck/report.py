@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from raycheck import curves, error_plots, references, renderers, speed, stability_plots
+from raycheck import curves, error_plots, speed, stability_plots
 from raycheck.base import data, pictures
 from raycheck.base.errors import NotFound
 from raycheck.base.images import Image
@@ -21,12 +21,15 @@ from raycheck.base.text import duration, percent, signed
 from raycheck.contestants import oneray_line
 from raycheck.error_curves import Curve, SceneCurves
 from raycheck.error_curves import read as read_curves
+from raycheck.judging.verdicts import Case, Verification
+from raycheck.judging.verify import verify
+from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import BEST, TECHNIQUES, left_out, technique
 from raycheck.scene.variants import Variant
-from raycheck.truth import truth_of
-from raycheck.verify import Case, Verification, verify
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 Array = NDArray[np.float64]
 
@@ -106,7 +109,7 @@ def write_report(
     stiff = stability_section(stability)
     wanted = scenes or [variants.variant(name) for name in variants.scene_names()]
     verdicts = _verdicts(verification, on_case, scenes)
-    oneray = renderers.oneray_path()
+    oneray = oneray_path()
     labels = [of.label for of in wanted]
     cases = [case for case in verdicts["cases"] if case["scene"] in labels]
     sections = [_section(of, oneray, [c for c in cases if c["scene"] == of.label], races) for of in wanted]
@@ -257,7 +260,7 @@ def _render(oneray: Path, of: Variant, name: str, spp: int) -> tuple[Image, _Sho
     """Render with oneray; the command that reproduces the picture comes along."""
     options = technique(name).options
     seed = make_seeds(f"report/{of.label}/{name}", 1)[0]
-    command = renderers.oneray_command(oneray, options, of.parameters)
+    command = oneray_command(oneray, options, of.parameters)
     made = command.render(of.path, spp, seed, timeout=600.0)
     shown = oneray_line(of, options)
     text = shown.replace("{spp}", str(spp)).replace("{seed}", str(seed))

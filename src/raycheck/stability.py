@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.text import percent
-from raycheck.renderers import oneray_command, oneray_path
+from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.stability_cases import CASES, DIGITS, Case, Parsed, Settings, Truth
 
 Array = NDArray[np.float64]

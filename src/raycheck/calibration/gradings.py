@@ -16,8 +16,7 @@ from pathlib import Path
 
 from scipy import stats
 
-from raycheck import apart, builds, mutants
-from raycheck.builds import Build
+from raycheck import mutants
 from raycheck.calibration.lines import append_lines, read_lines
 from raycheck.grading import assignment_bundle
 from raycheck.grading.assignment import Assignment, Limits, read_assignment
@@ -25,7 +24,9 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.keys import Keys
 from raycheck.grading.sandbox import Tier
 from raycheck.grading.simulated import Simulated
-from raycheck.pools import Pool
+from raycheck.renderers import builds, workers
+from raycheck.renderers.builds import Build
+from raycheck.renderers.pools import Pool
 from raycheck.scene.techniques import BEST
 from raycheck.stats.verdict import Outcome
 
@@ -96,7 +97,7 @@ def measure(file: Path, grader: Grader, count: int, pool: Pool | None = None) ->
     done = {line["index"] for line in read_lines(file) if line["digest"] == digest}
     assignment = assignment_bundle.pack(grader.assignment)
     pieces = [(assignment, index, digest, build) for index in sorted(set(range(count)) - done)]
-    for _, data in apart.run(pool, one_grading, pieces):
+    for _, data in workers.run(pool, one_grading, pieces):
         found = json.loads(data)
         append_lines(file, [found])
         yield Grading(**found)

@@ -14,16 +14,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import apart, builds, mutants
+from raycheck import mutants
 from raycheck.base.errors import NotFound
-from raycheck.builds import Build
 from raycheck.calibration import rivals, trials
 from raycheck.calibration.lines import append_lines, read_lines
+from raycheck.judging.settings import PILOT_IMAGES
 from raycheck.mutants import Mutant
-from raycheck.pools import Pool
+from raycheck.renderers import builds, workers
+from raycheck.renderers.builds import Build
+from raycheck.renderers.pools import Pool
 from raycheck.stats.tiles import region_means
-from raycheck.truth import Truth
-from raycheck.verify import PILOT_IMAGES
+from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ def measure_kills(file: Path, wanted: Sequence[Mutant], pool: Pool | None = None
     build = builds.of_checkout()
     programs = [(m.name, mutants.program_path(m).parent.name) for m in sorted(wanted, key=_images_of)]
     pieces = [(*program, build) for program in programs if program not in done]
-    for _, data in apart.run(pool, one_mutant, pieces):
+    for _, data in workers.run(pool, one_mutant, pieces):
         found = json.loads(data)
         append_lines(file, found)
         yield [Kill(**one) for one in found]

@@ -15,8 +15,8 @@ import numpy as np
 
 from raycheck.calibration import trials
 from raycheck.calibration.signatures import COMPLETE, Pair, pairs, read_pair
-from raycheck.diagnosis import USUAL, Diagnosis, catalogue, diagnose, load, scenes
-from raycheck.evidence import Evidence, evidence_of_means
+from raycheck.judging.diagnosis import USUAL, Diagnosis, catalogue, diagnose, load, scenes
+from raycheck.judging.evidence import Evidence, evidence_of_means
 from raycheck.mutants import Mutant
 
 SAME = 0.15

@@ -14,18 +14,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import apart, builds, mutants
+from raycheck import mutants
 from raycheck.base.seeds import make_seeds
-from raycheck.builds import Build
 from raycheck.calibration import rivals, trials
 from raycheck.calibration.lines import append_lines, read_lines
-from raycheck.pools import Pool
+from raycheck.judging.settings import BATCHES, PILOT_IMAGES
+from raycheck.renderers import builds, workers
+from raycheck.renderers.builds import Build
+from raycheck.renderers.pools import Pool
 from raycheck.scene import variants
 from raycheck.stats import statistics as st
 from raycheck.stats.tiles import Tile
 from raycheck.stats.verdict import Expected, Outcome, judge
-from raycheck.truth import Truth
-from raycheck.verify import BATCHES, PILOT_IMAGES
+from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
 
@@ -227,7 +228,7 @@ def measure_nulls(
         for one in configurations
         if (one.label, index) not in done
     ]
-    for _, data in apart.run(pool, one_set, pieces):
+    for _, data in workers.run(pool, one_set, pieces):
         found = json.loads(data)
         append_lines(file, [found])
         yield Set(**found)

@@ -9,7 +9,7 @@ from scipy import stats
 
 from raycheck.base.images import encode_srgb
 from raycheck.stats.tiles import Tile, region_means, region_variances
-from raycheck.truth import Truth
+from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
 

@@ -14,17 +14,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants, references
+from raycheck import mutants
 from raycheck.base.errors import RenderError
 from raycheck.base.seeds import make_seeds
 from raycheck.calibration import trials
-from raycheck.diagnosis import folder
-from raycheck.evidence import fine_tiles
+from raycheck.judging.diagnosis import folder
+from raycheck.judging.evidence import fine_tiles
 from raycheck.mutants import Mutant
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import applicable, technique
 from raycheck.stats.tiles import region_means
+from raycheck.truth import references
 
 Array = NDArray[np.float64]
 

@@ -9,20 +9,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import checks, references
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
 from raycheck.calibration import rivals
+from raycheck.judging import checks
+from raycheck.judging.plan import measure
+from raycheck.judging.settings import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds
+from raycheck.judging.verify import verify
 from raycheck.mutants import OPTIONS
-from raycheck.pilot import measure
-from raycheck.renderers import Rendering
+from raycheck.renderers.renderer import Rendering
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique
 from raycheck.stats import statistics as st
 from raycheck.stats.tiles import Tile, region_means
 from raycheck.stats.verdict import ALPHA, SHARE_IMAGE, SHARE_TILES, Expected, Judgement, Outcome, judge
-from raycheck.truth import Truth, truth_of
-from raycheck.verify import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds, verify
+from raycheck.truth import references
+from raycheck.truth.expected import Truth, truth_of
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from raycheck import references
 from raycheck.base.errors import NotFound, ReferenceError_
 from raycheck.scene.techniques import TECHNIQUES, technique
 from raycheck.scene.variants import Variant, variant
+from raycheck.truth import references
 
 REVIEW = "review"
 PROGRAM, PICTURES = "program", "pictures"

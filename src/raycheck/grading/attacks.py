@@ -21,7 +21,7 @@ from raycheck.grading.judge import Grader
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
 from raycheck.grading.sandbox import FIRST_USER, GRADING, USERS, Tier
-from raycheck.pools import Here
+from raycheck.renderers.pools import Here
 
 FOLDER = ROOT / "tests/attacks"
 ASSIGNMENT = """\

@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from raycheck import builds
 from raycheck.base.errors import Lost, NotFound
 from raycheck.base.files import write_whole as write_whole
-from raycheck.builds import Build
 from raycheck.grading import assignment_bundle, piece, submission
 from raycheck.grading.assignment import PICTURES, Assignment
 from raycheck.grading.gradescope import results_json
@@ -28,7 +26,9 @@ from raycheck.grading.results import StudentResult
 from raycheck.grading.sandbox import GRADING, Tier
 from raycheck.grading.submission import SubmissionError, is_archive
 from raycheck.grading.tables import Override, apply_overrides, grades_csv, junit_xml
-from raycheck.pools import ATTEMPTS, Pool
+from raycheck.renderers import builds
+from raycheck.renderers.builds import Build
+from raycheck.renderers.pools import ATTEMPTS, Pool
 
 RESULT = "result.json"
 TEACHERS = "teacher.html"

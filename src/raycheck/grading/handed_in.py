@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
 from raycheck.grading.hidden import look_at, with_reference
 from raycheck.grading.pixels import Decoder
-from raycheck.reference_making import tile_means
+from raycheck.judging.pictures import judge_pictures
+from raycheck.judging.verdicts import Case
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST
 from raycheck.stats.verdict import Limits, Outcome
-from raycheck.verify import Case, judge_pictures
+from raycheck.truth import references
+from raycheck.truth.making import tile_means
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import reference_making, references, renderers
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.files import one_process
 from raycheck.base.machine import cores
 from raycheck.grading.keys import Keys
+from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import BEST, technique
 from raycheck.scene.variants import Variant
+from raycheck.truth import making, references
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ DIMMEST, BRIGHTEST = 0.7, 1.4
 """Factors of each channel of a light."""
 SIMILAR = 0.3
 """The mean of a variant may not fall below this share of the original's: nothing is to be seen then."""
-GOAL = reference_making.Goal(
+GOAL = making.Goal(
     image=0.02, tile=0.1, checked_tile=0.1, spp_per_batch=64, most_seconds=60.0
 )  # fmt: skip
 """Standard errors of a reference over the assignment's delta: hardly a verdict is wider for them."""
@@ -86,16 +87,16 @@ def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) 
 
 def look_at(of: Variant) -> Array:
     """A picture (H, W, 3) with some noise, in no time."""
-    command = renderers.oneray_command(renderers.oneray_path(), technique(BEST).options, of.parameters)
+    command = oneray_command(oneray_path(), technique(BEST).options, of.parameters)
     return command.render(of.path, LOOK_SPP, 0, 600.0).image.pixels
 
 
 def _with_reference(made: Variant, delta: float) -> Variant:
     goal = replace(GOAL, image=GOAL.image * delta, tile=GOAL.tile * delta)
     if not (references.is_fresh(made) and references.require(made).get("image_goal", 1.0) <= goal.image):
-        renderer = reference_making.OnerayBatches(made, cores())
-        plan = reference_making.pilot(renderer, goal)
-        reference_making.make_reference(made, renderer, plan, goal)
+        renderer = making.OnerayBatches(made, cores())
+        plan = making.pilot(renderer, goal)
+        making.make_reference(made, renderer, plan, goal)
     return made
 
 

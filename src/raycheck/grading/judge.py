@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import builds, checks, references
 from raycheck.base import pictures
 from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
 from raycheck.base.images import Image
@@ -32,12 +31,18 @@ from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, T
 from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
+from raycheck.judging import checks
+from raycheck.judging.pictures import judge_pictures
+from raycheck.judging.settings import BATCHES, PILOT_IMAGES
+from raycheck.judging.verdicts import Case
+from raycheck.judging.verify import verify
+from raycheck.renderers import builds
 from raycheck.scene import lecture
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import region_means
 from raycheck.stats.verdict import Limits, Outcome
-from raycheck.truth import truth_of
-from raycheck.verify import BATCHES, PILOT_IMAGES, Case, judge_pictures, verify
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 Array = NDArray[np.float64]
 TILES = Limits.tile / Limits.image

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import builds, renderers
 from raycheck.base.files import write_whole
 from raycheck.base.seeds import make_seeds
+from raycheck.renderers import builds
+from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique
 from raycheck.scene.variants import Variant
@@ -59,7 +60,7 @@ def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, fl
     file = folder / KEPT
     kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
     if key not in kept:
-        command = renderers.oneray_command(renderers.oneray_path(), technique(name).options, of.parameters)
+        command = oneray_command(oneray_path(), technique(name).options, of.parameters)
         seeds = make_seeds(f"noise/{of.label}/{name}", IMAGES)
         images = [command.render(of.path, spp, seed, 600.0).image.pixels for seed in seeds]
         kept[key] = _log_variance(np.stack(images))

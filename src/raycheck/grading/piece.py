@@ -7,15 +7,15 @@ import tempfile
 import traceback
 from pathlib import Path
 
-from raycheck import apart, builds
 from raycheck.base.errors import Lost, NotFound
-from raycheck.builds import Build
 from raycheck.grading import assignment_bundle, sandbox
 from raycheck.grading.assignment import Assignment, read_assignment
 from raycheck.grading.judge import Grader
 from raycheck.grading.results import StudentResult, failed_everything
 from raycheck.grading.sandbox import GRADING, Jail, Tier
 from raycheck.grading.submission import Handed
+from raycheck.renderers import builds, workers
+from raycheck.renderers.builds import Build
 from raycheck.stats.verdict import Outcome
 
 
@@ -32,7 +32,7 @@ def grade(
         with tempfile.TemporaryDirectory(prefix="raycheck-piece-", ignore_cleanup_errors=True) as place:
             Path(place).chmod(0o711)  # the jail's user reaches what is its own there
             jailed = tier or _best_tier()
-            return apart.apart(_grade, place, assignment, handed, student, slot, jailed, fork=True)
+            return workers.apart(_grade, place, assignment, handed, student, slot, jailed, fork=True)
     except OSError as error:
         raise Lost(str(error)) from None
 

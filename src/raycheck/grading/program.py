@@ -15,7 +15,8 @@ from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeou
 from raycheck.grading.assignment import Limits
 from raycheck.grading.pixels import Decoder, take_picture
 from raycheck.grading.sandbox import Jail
-from raycheck.renderers import Rendering, TakesPlaceholders, split_command
+from raycheck.renderers.commands import TakesPlaceholders, split_command
+from raycheck.renderers.renderer import Rendering
 from raycheck.scene import export
 from raycheck.scene.reader import read_scene
 from raycheck.scene.variants import Variant

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from raycheck import references
 from raycheck.base.errors import RenderError, RenderLate
 from raycheck.base.images import Image
 from raycheck.grading.assignment import Limits
 from raycheck.grading.program import Taken
 from raycheck.mutants import OPTIONS
-from raycheck.renderers import Rendering
+from raycheck.renderers.renderer import Rendering
 from raycheck.scene.techniques import technique
 from raycheck.scene.variants import Variant
+from raycheck.truth import references
 
 START_SECONDS = 0.03
 """What a picture takes beyond its paths: a jail, a process, a file."""

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from raycheck.grading.oneray_bundle import bundle_oneray
 from raycheck.grading.program import Program
+from raycheck.renderers.bundle import bundle_oneray
 from raycheck.scene.techniques import technique
 
 PAIRS = 8

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.stats.tiles import SMALLEST, Tile, region_means, region_variances
-from raycheck.truth import Truth
+from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from raycheck import mutants, renderers
+from raycheck import mutants
 from raycheck.base.data import PACKAGE, ROOT, references_dir, scenes_dir
 from raycheck.base.errors import NotFound
-from raycheck.grading.oneray_bundle import PROGRAM
+from raycheck.renderers.bundle import PROGRAM
+from raycheck.renderers.oneray import oneray_path
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ def require(wanted: Build) -> None:
     if wanted.raycheck and raycheck_hash() != wanted.raycheck:
         _refuse("raycheck", PACKAGE)
     if wanted.oneray and oneray_hash() != wanted.oneray:
-        _refuse("oneray", renderers.oneray_path())
+        _refuse("oneray", oneray_path())
     if wanted.sources and _sources() != wanted.sources:
         raise NotFound(
             f"{ROOT} on {platform.node()} has other sources of oneray, or its processor lacks AVX2 "
@@ -55,7 +56,7 @@ def _refuse(what: str, path: Path) -> NoReturn:
 
 def oneray_hash() -> str:
     """Of the program, also where it is started by a bundle's script."""
-    oneray = renderers.oneray_path()
+    oneray = oneray_path()
     inside = oneray.with_name(PROGRAM)
     return hashlib.sha256((inside if inside.is_file() else oneray).read_bytes()).hexdigest()
 

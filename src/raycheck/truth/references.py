@@ -8,7 +8,6 @@ is refused.
 """
 
 import functools
-import json
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,10 +18,11 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from raycheck import closed_form_store, closed_forms
 from raycheck.base.data import references_dir
 from raycheck.base.errors import ReferenceError_
 from raycheck.scene.variants import Variant, ladder, scene_hash, variant
+from raycheck.truth.closed_forms import forms, store
+from raycheck.truth.manifest import dump_manifest, read_manifest
 
 Array = NDArray[np.float64]
 
@@ -64,22 +64,6 @@ class Reference:
             return self.mean, self.variance_of_mean
         known = np.isfinite(self.closed_form)
         return np.where(known, self.closed_form, self.mean), np.where(known, 0.0, self.variance_of_mean)
-
-
-def read_manifest(folder: Path | None = None) -> dict[str, Any]:
-    """manifest.json of a folder of references (the package's by default), empty if there is none yet."""
-    path = (folder or references_dir()) / "manifest.json"
-    if not path.is_file():
-        return {}
-    found = path.stat()
-    return dict(_parsed(path, (found.st_mtime_ns, found.st_size, found.st_ino)))
-
-
-@functools.lru_cache(maxsize=8)
-def _parsed(path: Path, version: tuple[int, ...]) -> dict[str, Any]:
-    """A manifest of that time, size and number: thousands of lines that each scene asks for."""
-    del version
-    return json.loads(path.read_text())
 
 
 def is_fresh(wanted: Variant) -> bool:
@@ -141,9 +125,9 @@ def closed_form(scene: str | Variant, parameters: Mapping[str, str] | None = Non
 @functools.lru_cache(maxsize=64)
 def _closed_form(path: Path, parameters: tuple[tuple[str, str], ...]) -> Array | None:
     of = Variant(path, dict(parameters))
-    digest = closed_form_store.digest(scene_hash(path, of.parameters))
-    kept = closed_form_store.read(closed_form_file(of), digest)
-    return closed_forms.evaluate(path.stem, path, of.parameters) if kept is None else kept
+    digest = store.digest(scene_hash(path, of.parameters))
+    kept = store.read(closed_form_file(of), digest)
+    return forms.evaluate(path.stem, path, of.parameters) if kept is None else kept
 
 
 def closed_form_file(of: Variant) -> Path:
@@ -155,7 +139,7 @@ def keep_closed_forms() -> Iterator[str]:
     """Evaluate those of all canonical scenes and depths anew, and keep them; the labels of those kept."""
     for of in ladder():
         content = scene_hash(of.path, of.parameters)
-        if closed_form_store.keep(closed_form_file(of), content, of.path, of.parameters):
+        if store.keep(closed_form_file(of), content, of.path, of.parameters):
             yield of.label
 
 
@@ -202,20 +186,3 @@ def write_reference(of: Variant, mean: Array, variance_of_mean: Array, entry: Ma
         image.replace(path)
         listing.replace(folder / "manifest.json")
     return path
-
-
-def dump_manifest(manifest: Mapping[str, Any]) -> str:
-    """JSON with one line for each table of skewness, so that a changed reference is a small difference."""
-    tables = {
-        f"@{label}/{size}@": table
-        for label, entry in manifest.items()
-        for size, table in entry.get("skewness", {}).items()
-    }
-    slim = {
-        label: {**entry, "skewness": {size: f"@{label}/{size}@" for size in entry.get("skewness", {})}}
-        for label, entry in manifest.items()
-    }
-    text = json.dumps(slim, indent=2, ensure_ascii=False)
-    for mark, table in tables.items():
-        text = text.replace(json.dumps(mark, ensure_ascii=False), json.dumps(table, separators=(",", ":")))
-    return text + "\n"

@@ -4,7 +4,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from raycheck.renderers import oneray_path
+from raycheck.renderers.oneray import oneray_path
 
 PROGRAM = "oneray.bin"
 START = """\

@@ -3,41 +3,18 @@
 import contextlib
 import os
 import shlex
-import shutil
 import signal
 import subprocess
-import sys
-import sysconfig
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from raycheck.base.data import ROOT
 from raycheck.base.errors import ImageError, NotFound, RenderError, RenderTimeout
-from raycheck.base.images import Image, load_image
-
-
-@dataclass(frozen=True)
-class Rendering:
-    image: Image
-    seconds: float
-
-
-class Renderer(Protocol):
-    """Renders `scene` with `spp` samples per pixel and `seed`; raises RenderError."""
-
-    takes_scene: bool
-    takes_spp: bool
-    takes_seed: bool
-
-    def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering: ...
+from raycheck.base.images import load_image
+from raycheck.renderers.renderer import Rendering
 
 
 def split_command(command: str, windows: bool = os.name == "nt") -> list[str]:
@@ -185,57 +162,3 @@ def _last_lines(messages: Path, count: int = 3) -> str:
         file.seek(max(0, messages.stat().st_size - 4000))
         lines = [line for line in file.read().decode(errors="replace").splitlines() if line.strip()]
     return "; it said: " + " | ".join(line.strip()[:300] for line in lines[-count:]) if lines else ""
-
-
-@dataclass(frozen=True)
-class Function:
-    """A Python callable: render(scene, spp, seed) gives (H, W, 3)."""
-
-    function: Callable[[Path, int, int], ArrayLike]
-    takes_scene: bool = True
-    takes_spp: bool = True
-    takes_seed: bool = True
-
-    def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
-        started = time.perf_counter()
-        try:
-            pixels = np.asarray(self.function(scene, spp, seed), dtype=np.float64)
-        except Exception as error:
-            raise RenderError(f"{type(error).__name__}: {error}") from error
-        if pixels.ndim != 3 or pixels.shape[2] != 3:
-            raise RenderError(
-                f"the callable gave an array of shape {pixels.shape}, (height, width, 3) is needed"
-            )
-        return Rendering(Image(pixels), time.perf_counter() - started)
-
-
-_INSTEAD = "judge your own renderer with --renderer or --images"
-
-
-def oneray_path() -> Path:
-    """oneray: $ONERAY, build/oneray of the checkout, beside Python as from a wheel, then the PATH; NotFound
-    where there is none.
-    """
-    named = os.environ.get("ONERAY")
-    if named:
-        if not Path(named).is_file():
-            raise NotFound(f"ONERAY={named}: there is no such file; {_INSTEAD}")
-        return Path(named)
-    suffix = ".exe" if sys.platform == "win32" else ""
-    built = ROOT / "build" / f"oneray{suffix}"
-    installed = Path(sysconfig.get_path("scripts")) / f"oneray{suffix}"
-    for place in (built, installed):
-        if place.is_file():
-            return place
-    found = shutil.which("oneray")
-    if found:
-        return Path(found)
-    raise NotFound(f"oneray was not found ($ONERAY, build/oneray, PATH): build it with make, or {_INSTEAD}")
-
-
-def oneray_command(
-    path: Path, options: Sequence[str], parameters: Mapping[str, str] | None = None
-) -> Command:
-    words = (str(path), "{scene}", "-o", "{output}", "--spp", "{spp}", "--seed", "{seed}", "--quiet")
-    settings = (f"-D{name}={value}" for name, value in (parameters or {}).items())
-    return Command((*words, *options, *settings))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import closed_forms
+from raycheck.truth.closed_forms import forms
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def read(file: Path, wanted: str) -> Array | None:
 def keep(file: Path, scene_hash: str, scene: Path, parameters: Mapping[str, str]) -> bool:
     """Evaluate one and keep it if that takes its time; whether it did."""
     started = time.perf_counter()
-    image = closed_forms.evaluate(scene.stem, scene, parameters)
+    image = forms.evaluate(scene.stem, scene, parameters)
     if image is None or time.perf_counter() - started < WORTH_KEEPING:
         file.unlink(missing_ok=True)
         return False

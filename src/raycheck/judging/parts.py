@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from raycheck.base import data
-from raycheck.evidence import Evidence
+from raycheck.judging.evidence import Evidence
 from raycheck.scene import variants
 
 Array = NDArray[np.float64]

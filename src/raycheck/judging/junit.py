@@ -2,8 +2,8 @@
 
 from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
+from raycheck.judging.verdicts import Case, Verification
 from raycheck.stats.verdict import Outcome
-from raycheck.verify import Case, Verification
 
 
 def junit_xml(result: Verification) -> str:

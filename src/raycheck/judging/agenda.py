@@ -11,11 +11,15 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from raycheck import references, renderers
 from raycheck.base.errors import NotFound
+from raycheck.renderers import commands
+from raycheck.renderers.callables import Function
+from raycheck.renderers.oneray import oneray_command, oneray_path
+from raycheck.renderers.renderer import Renderer
 from raycheck.scene.content import SceneContent, read_content
 from raycheck.scene.techniques import BEST, Technique, applicable, technique
 from raycheck.scene.variants import Variant, ladder
+from raycheck.truth import references
 
 COVER = 2
 """A quick run over all scenes judges each technique on so many of them, and each scene at least once."""
@@ -28,7 +32,7 @@ class Task:
 
     of: Variant
     technique: str
-    renderer: renderers.Renderer
+    renderer: Renderer
     path: Path
     """The scene file that the renderer gets."""
 
@@ -69,7 +73,7 @@ def oneray_agenda(
     `cover` picks a few cases that take every technique and every scene in. `variants` adds the scenes' other
     depths, with oneray's default technique.
     """
-    oneray = renderers.oneray_path()
+    oneray = oneray_path()
     try:
         chosen = [technique(name) for name in techniques]
     except KeyError as error:
@@ -100,22 +104,22 @@ def oneray_agenda(
             else:
                 agenda.left_out[of.label] = f"there is no fresh reference; make it with: {of.renew_command}"
     for of, one in pairs:
-        command = renderers.oneray_command(oneray, one.options, of.parameters)
+        command = oneray_command(oneray, one.options, of.parameters)
         agenda.tasks.append(Task(of, one.name, command, of.path))
     return agenda
 
 
 def renderer_agenda(
-    renderer: str | Callable[[Path, int, int], ArrayLike] | renderers.Renderer,
+    renderer: str | Callable[[Path, int, int], ArrayLike] | Renderer,
     scenes: Sequence[Variant], folder: Path, *, explicit: bool,
 ) -> Agenda:  # fmt: skip
     """Another renderer on each scene. A scene with other parameters is written into `folder` as a file whose
     defaults they are. `explicit`: the user named the scenes.
     """
     if isinstance(renderer, str):
-        renderer = renderers.Command.parse(renderer)
+        renderer = commands.Command.parse(renderer)
     elif not hasattr(renderer, "render"):
-        renderer = renderers.Function(renderer)
+        renderer = Function(renderer)
     if not renderer.takes_scene and (len(scenes) != 1 or not explicit):
         raise NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
     paths = [write_variant(of, folder) if of.parameters else of.path for of in scenes]
@@ -168,7 +172,7 @@ def _refusal(oneray: Path, one: Technique, of: Variant) -> str | None:
     """Why light tracing cannot render the scene, in oneray's words; None if it can."""
     if not read_content(of.path, of.parameters).specular:
         return None
-    command = renderers.oneray_command(oneray, one.options, of.parameters)
+    command = oneray_command(oneray, one.options, of.parameters)
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         words = command.arguments(of.path, Path(folder) / "out.exr", PROBE_SPP, 1)
         done = subprocess.run(words, capture_output=True, text=True, check=False)

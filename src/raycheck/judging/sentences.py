@@ -5,8 +5,8 @@ import re
 from collections.abc import Mapping, Sequence
 
 from raycheck.base.text import duration, percent, signed
-from raycheck.diagnosis import Mistake
-from raycheck.parts import Explanation, Hypothesis
+from raycheck.judging.diagnosis import Mistake
+from raycheck.judging.parts import Explanation, Hypothesis
 from raycheck.stats.tiles import Tile, place
 from raycheck.stats.verdict import Finding, Judgement, Outcome
 

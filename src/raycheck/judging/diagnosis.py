@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import parts
 from raycheck.base import data
 from raycheck.base.errors import ReferenceError_
-from raycheck.evidence import RELATIVE_FLOOR, Evidence
+from raycheck.judging import parts
+from raycheck.judging.evidence import RELATIVE_FLOOR, Evidence
 from raycheck.scene import variants
 
 Array = NDArray[np.float64]

@@ -2,7 +2,8 @@
 and that may die alone. Python's own pools of processes are not for the workers of Dask, which may have no
 such children, and one process that is killed ends all of a pool.
 
-python -m raycheck.apart answers (work, piece, fork) on standard input, pickled, with a result or an error.
+python -m raycheck.renderers.workers answers (work, piece, fork) on standard input, pickled, with a result or an
+error.
 """
 
 import contextlib
@@ -18,7 +19,7 @@ from typing import Any
 
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.processes import ended, running
-from raycheck.pools import Pieces, Pool, Work
+from raycheck.renderers.pools import Pieces, Pool, Work
 
 _here = threading.local()
 READY = b"ready"
@@ -29,7 +30,7 @@ class Helper:
 
     def __init__(self) -> None:
         # -P: no module is taken from the folder that raycheck was started in
-        words = [sys.executable, "-P", "-m", "raycheck.apart"]
+        words = [sys.executable, "-P", "-m", "raycheck.renderers.workers"]
         self.process = subprocess.Popen(
             words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=os.name == "posix"
         )

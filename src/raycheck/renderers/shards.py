@@ -16,11 +16,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck import builds, renderers
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.processes import run_process
-from raycheck.builds import Build
-from raycheck.pools import Pool
+from raycheck.renderers import builds
+from raycheck.renderers.builds import Build
+from raycheck.renderers.oneray import oneray_path
+from raycheck.renderers.pools import Pool
 from raycheck.scene import variants
 
 SHARDS = 32
@@ -97,7 +98,7 @@ def render_shard(
     `program`; the bytes of the film.
     """
     builds.require(Build(oneray=program))
-    oneray = renderers.oneray_path()
+    oneray = oneray_path()
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         for name, data in files.items():
             path = Path(folder) / name
@@ -161,7 +162,7 @@ def render(
     Without `keep` the shards are removed once the picture is there. Calls on_shard(done, all). Returns how
     many were rendered. Raises NotFound, RenderError, Conflict.
     """
-    oneray = renderers.oneray_path()
+    oneray = oneray_path()
     program = builds.oneray_hash()
     files = work.files()
     shards = split(work, files, spp, program)

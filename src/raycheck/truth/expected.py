@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.references import Reference
 from raycheck.stats.tiles import SMALLEST, Tile, quad_tree, region_means, region_variances, whole
 from raycheck.stats.verdict import Expected
+from raycheck.truth.references import Reference
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references, renderers
 from raycheck.base.seeds import reference_seed
+from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import BEST, technique
+from raycheck.truth import references
 
 Array = NDArray[np.float64]
 
@@ -39,9 +40,9 @@ class OnerayBatches:
     """oneray with its best technique, `jobs` processes at a time: for scenes that Mitsuba renders wrong."""
 
     def __init__(self, of: variants.Variant, jobs: int = 2):
-        program = renderers.oneray_path()
+        program = oneray_path()
         self.made_by = {"renderer": "oneray", "technique": BEST}
-        self._command = renderers.oneray_command(program, technique(BEST).options, of.parameters)
+        self._command = oneray_command(program, technique(BEST).options, of.parameters)
         self._path = of.path
         self._jobs = jobs
 

@@ -1,6 +1,6 @@
 """Mitsuba in a process of its own: commands as lines of JSON in, answers out.
 
-    python -m raycheck.mitsuba_worker VARIANT
+    python -m raycheck.renderers.mitsuba_worker VARIANT
 
 {"load": FILE, "parameters": {"name": "value"}}, the parameters optional, and {"render": SPP, "seed": SEED,
 "save": FILE.npy or null}. One thread. Answers have `seconds` by the clock and `process`, those of the

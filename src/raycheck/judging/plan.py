@@ -13,7 +13,7 @@ from scipy import special
 from raycheck.stats import statistics as st
 from raycheck.stats.tiles import SMALLEST, region_variances
 from raycheck.stats.verdict import ALPHA, CONFIDENCE, SHARE_IMAGE, SHARE_TILES, SYSTEMATIC, Limits
-from raycheck.truth import Truth
+from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
 

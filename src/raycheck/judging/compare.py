@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from raycheck import checks, words
 from raycheck.base.errors import NotFound
 from raycheck.base.images import Image, load_image
 from raycheck.base.text import percent, signed
+from raycheck.judging import checks, sentences
 from raycheck.stats.tiles import SMALLEST, Tile, place, region_means, region_variances, whole
 from raycheck.stats.verdict import ALPHA, CONFIDENCE, SYSTEMATIC, Limits, Outcome
 
@@ -101,8 +101,8 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
         outcome = Outcome.FAIL
         sentence = checks.name_mistake(b.pixels[None], a.pixels, variance)
         reason = f"{sentence}: " if sentence else ""
-        chance = words.odds(float(p.min()), "two renders of the same mean")
-        reason += f"{where} differs by {amount} in {words.CHANNELS[worst[1]]} ({chance})"
+        chance = sentences.odds(float(p.min()), "two renders of the same mean")
+        reason += f"{where} differs by {amount} in {sentences.CHANNELS[worst[1]]} ({chance})"
     elif inside.all():
         outcome = Outcome.PASS
         seen = percent(float(detectable[0].max()))

@@ -1,0 +1,23 @@
+"""What every renderer is to a judge: scene, samples and seed go in, an image comes out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from raycheck.base.images import Image
+
+
+@dataclass(frozen=True)
+class Rendering:
+    image: Image
+    seconds: float
+
+
+class Renderer(Protocol):
+    """Renders `scene` with `spp` samples per pixel and `seed`; raises RenderError."""
+
+    takes_scene: bool
+    takes_spp: bool
+    takes_seed: bool
+
+    def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering: ...
