@@ -35,8 +35,8 @@ from benchmark_growth import AXES, grow
 from benchmark_measure import measure_scene
 from benchmark_scenes import SCENES, BenchScene
 
-from raycheck import speed
 from raycheck.base.machine import machine as processor
+from raycheck.measuring import speed
 
 QUICK_SCENE, QUICK_POINTS, QUICK_SECONDS = "cornell-2", 3, 0.03
 

@@ -20,7 +20,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from raycheck import mutants
+from raycheck.calibration import mutants
 from raycheck.grading import attacks
 from raycheck.grading.assignment import PICTURES, Assignment, Task, read_assignment
 from raycheck.grading.handout import write_handout

@@ -39,7 +39,7 @@ write_pfm(sys.argv[1], 2, 2, {NUMBERS})
 """
 MINE = """
 import numpy as np
-from raycheck import references
+from raycheck.truth import references
 
 
 def render(scene, spp, seed):

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import diagnose_cli, mutants
 from raycheck.base.images import write_pfm
+from raycheck.calibration import mutants
 from raycheck.judging import diagnosis, sentences
 from raycheck.judging.evidence import evidence, fine_tiles
+from raycheck.judging.findings import guesses
 from raycheck.scene import lecture
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
@@ -76,7 +77,7 @@ def test_a_mere_factor_is_no_mistake_of_another_strength(truth):
     found = told(truth, -0.3 * truth.mean)
     assert found.guesses[0].fit > diagnosis.KNOWN and found.guesses[0].strength < 0.8
     assert not found.known and found.explained
-    assert "since none has just this factor" in diagnose_cli.guesses(found)[0]
+    assert "since none has just this factor" in guesses(found)[0]
 
 
 def test_mistakes_that_look_alike_are_all_named(truth):

@@ -24,17 +24,20 @@ from typer.testing import CliRunner
 from raycheck.base.errors import NotFound, RenderLate, RenderTimeout
 from raycheck.base.images import Image, write_pfm
 from raycheck.cli import app
-from raycheck.grading import attacks, course, hidden, points, sandbox, speed, tables
-from raycheck.grading.assignment import Limits, read_assignment
-from raycheck.grading.gradescope import failed_json, results_json
+from raycheck.grading import attacks, course, hidden, points, speed
+from raycheck.grading.assignment import read_assignment
+from raycheck.grading.jail import sandbox
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.pixels import Decoder
+from raycheck.grading.jail.sandbox import Jail, Tier
 from raycheck.grading.judge import Attempt, Grader
 from raycheck.grading.keys import Keys, digest_of, read_keys
-from raycheck.grading.pages import clusters, student_page
-from raycheck.grading.pixels import Decoder
 from raycheck.grading.program import Program, Taken
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
-from raycheck.grading.sandbox import Jail, Tier
 from raycheck.grading.submission import Submission, SubmissionError, may_have_pictures, open_submission
+from raycheck.grading.written import tables
+from raycheck.grading.written.gradescope import failed_json, results_json
+from raycheck.grading.written.pages import clusters, student_page
 from raycheck.judging import checks
 from raycheck.renderers import builds
 from raycheck.renderers.renderer import Rendering

@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 from raycheck.base.errors import NotFound
 from raycheck.base.images import write_pfm
 from raycheck.cli import app
-from raycheck.grading import attacks, c_functions, course, hidden, sandbox
+from raycheck.grading import attacks, c_functions, course, hidden
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.handout import write_handout
+from raycheck.grading.jail import sandbox
+from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
-from raycheck.grading.sandbox import Tier
 from raycheck.scene import export, variants
 from raycheck.stats.verdict import Outcome
 from raycheck.truth import references

@@ -15,9 +15,8 @@ import pytest
 from building import ROOT
 from typer.testing import CliRunner
 
-from raycheck import mutants
 from raycheck.base.errors import PatchError
-from raycheck.calibration import trials
+from raycheck.calibration import mutants, trials
 from raycheck.cli import app
 from raycheck.scene.techniques import technique
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import raycheck
-from raycheck import part_making
 from raycheck.base import data
+from raycheck.calibration import part_making
 from raycheck.judging import parts, sentences
 from raycheck.judging.evidence import evidence_of_means, fine_tiles
 from raycheck.judging.parts import Explanation, Factor, Hypothesis

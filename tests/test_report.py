@@ -9,7 +9,7 @@ import pytest
 
 from raycheck.base import pictures
 from raycheck.base.images import decode_srgb, encode_srgb, load_image
-from raycheck.report import write_report
+from raycheck.measuring.report import write_report
 from raycheck.scene import variants
 from raycheck.truth import references
 

@@ -18,17 +18,16 @@ from building import ROOT
 from cluster import running
 from typer.testing import CliRunner
 
-from raycheck import mutants
 from raycheck.base.errors import Lost, NotFound
-from raycheck.calibration import gradings, kills, nulls
+from raycheck.calibration import checkout, gradings, kills, mutants, nulls
+from raycheck.calibration.checkout import Checkout
 from raycheck.cli import app
-from raycheck.grading import course, hidden, noise, piece
+from raycheck.grading import course, hidden, noise, one_submission
 from raycheck.grading.assignment import read_assignment
+from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
-from raycheck.grading.sandbox import Tier
 from raycheck.grading.submission import Handed
-from raycheck.renderers import builds, commands, pools
-from raycheck.renderers.builds import Build
+from raycheck.renderers import commands, pools
 from raycheck.renderers.bundle import bundle_oneray
 from raycheck.scene import variants
 
@@ -194,36 +193,36 @@ def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monke
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (Build(raycheck="0" * 64), "another build of raycheck"),
-        (Build(oneray="0" * 64), "another build of oneray"),
-        (Build(sources="oneray-0"), "other sources of oneray"),
+        (Checkout(raycheck="0" * 64), "another build of raycheck"),
+        (Checkout(oneray="0" * 64), "another build of oneray"),
+        (Checkout(sources="oneray-0"), "other sources of oneray"),
     ],
 )
-def test_machines_that_differ_are_refused(build: Build, message: str) -> None:
-    """By every kind of piece, before it does anything."""
+def test_machines_that_differ_are_refused(build: Checkout, message: str) -> None:
+    """By every kind of piece, before it does anything; grading needs no sources."""
     for work in (
-        lambda: piece.grade(b"", Handed("a.zip", b""), "a", 0, Tier.NONE, build),
+        lambda: one_submission.grade(b"", Handed("a.zip", b""), "a", 0, Tier.NONE, build),
         lambda: nulls.one_set(nulls.CONFIGURATIONS[0], 0, build),
         lambda: kills.one_mutant("brdf-2pi", "", build),
         lambda: gradings.one_grading(b"", 0, "", build),
-    ):
+    )[bool(build.sources) :]:
         with pytest.raises(NotFound, match=message):
             work()
 
 
 def test_another_patch_is_refused() -> None:
     with pytest.raises(NotFound, match=r"brdf-2pi\.patch on .* is another patch"):
-        kills.one_mutant("brdf-2pi", "brdf-2pi-0", builds.of_checkout())
+        kills.one_mutant("brdf-2pi", "brdf-2pi-0", checkout.of_checkout())
 
 
 def test_a_machine_without_a_checkout_says_so(tmp_path, monkeypatch) -> None:
-    wanted = builds.of_checkout()
+    wanted = checkout.of_checkout()
     monkeypatch.setattr(mutants, "ROOT", tmp_path)
     mutants._digest.cache_clear()
     with pytest.raises(NotFound, match=f"{platform.node()}: .* needs a checkout"):
-        builds.require(wanted)
+        checkout.require(wanted)
     monkeypatch.undo()
-    builds.require(wanted)
+    checkout.require(wanted)
 
 
 @pytest.mark.parametrize("command", ["grade --assignment a.toml", "calibrate nulls"])

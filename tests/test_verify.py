@@ -407,11 +407,11 @@ import sys
 sys.modules["mitsuba"] = None
 import numpy as np
 import raycheck.cli
-from raycheck import references, renderers
+from raycheck.truth import references
 
 try:
     raycheck.verify()
-except renderers.NotFound as error:
+except raycheck.NotFound as error:
     assert "--renderer" in str(error)
 else:
     raise AssertionError("oneray was found")

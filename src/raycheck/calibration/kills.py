@@ -14,14 +14,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants
 from raycheck.base.errors import NotFound
-from raycheck.calibration import rivals, trials
+from raycheck.calibration import checkout, mutants, rivals, trials
+from raycheck.calibration.checkout import Checkout
 from raycheck.calibration.lines import append_lines, read_lines
+from raycheck.calibration.mutants import Mutant
 from raycheck.judging.settings import PILOT_IMAGES
-from raycheck.mutants import Mutant
-from raycheck.renderers import builds, workers
-from raycheck.renderers.builds import Build
+from raycheck.renderers import workers
 from raycheck.renderers.pools import Pool
 from raycheck.stats.tiles import region_means
 from raycheck.truth.expected import Truth
@@ -95,9 +94,9 @@ def _effect(images: Array, pilot: Array, broken: Array, truth: Truth) -> float:
     return float(np.max(np.where(mde > 0, bias / np.where(mde > 0, mde, 1.0), np.where(bias > 0, np.inf, 0))))
 
 
-def one_mutant(name: str, digest: str, build: Build) -> bytes:
+def one_mutant(name: str, digest: str, build: Checkout) -> bytes:
     """`judge_mutant` as JSON: a piece of `measure_kills`. `digest` names the mutant's program."""
-    builds.require(build)
+    checkout.require(build)
     mutant = mutants.read(mutants.FOLDER / f"{name}.patch")
     if mutants.program_path(mutant).parent.name != digest:
         raise NotFound(f"{mutant.patch} on {platform.node()} is another patch: the same checkout is needed")
@@ -109,7 +108,7 @@ def one_mutant(name: str, digest: str, build: Build) -> bytes:
 def measure_kills(file: Path, wanted: Sequence[Mutant], pool: Pool | None = None) -> Iterator[list[Kill]]:
     """What `file` has of the same program is kept, the others are added to it as they come."""
     done = {(line["name"], line["digest"]) for line in read_lines(file)}
-    build = builds.of_checkout()
+    build = checkout.of_checkout()
     programs = [(m.name, mutants.program_path(m).parent.name) for m in sorted(wanted, key=_images_of)]
     pieces = [(*program, build) for program in programs if program not in done]
     for _, data in workers.run(pool, one_mutant, pieces):

@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants
 from raycheck.base.seeds import make_seeds
-from raycheck.calibration import rivals, trials
+from raycheck.calibration import checkout, mutants, rivals, trials
+from raycheck.calibration.checkout import Checkout
 from raycheck.calibration.lines import append_lines, read_lines
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES
-from raycheck.renderers import builds, workers
-from raycheck.renderers.builds import Build
+from raycheck.renderers import workers
 from raycheck.renderers.pools import Pool
 from raycheck.scene import variants
 from raycheck.stats import statistics as st
@@ -203,9 +202,9 @@ def judge_set(configuration: Configuration, index: int, render: Render, truth: T
     )  # fmt: skip
 
 
-def one_set(configuration: Configuration, index: int, build: Build) -> bytes:
+def one_set(configuration: Configuration, index: int, build: Checkout) -> bytes:
     """`judge_set` as JSON: a piece of `measure_nulls`."""
-    builds.require(build)
+    checkout.require(build)
     found = judge_set(configuration, index, *_ready(configuration))
     return json.dumps(asdict(found)).encode()
 
@@ -221,7 +220,7 @@ def measure_nulls(
 ) -> Iterator[Set]:
     """`sets` sets of each configuration; what `file` has is kept, new ones are added to it as they come."""
     done = {(line["configuration"], line["index"]) for line in read_lines(file)}
-    build = builds.of_checkout()
+    build = checkout.of_checkout()
     pieces = [
         (one, index, build)
         for index in range(sets)

@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mutants
 from raycheck.base.errors import RenderError
 from raycheck.base.seeds import make_seeds
-from raycheck.calibration import trials
+from raycheck.calibration import mutants, trials
+from raycheck.calibration.mutants import Mutant
 from raycheck.judging.diagnosis import folder
 from raycheck.judging.evidence import fine_tiles
-from raycheck.mutants import Mutant
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import applicable, technique

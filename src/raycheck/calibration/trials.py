@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
 from raycheck.calibration import rivals
+from raycheck.calibration.mutants import OPTIONS
 from raycheck.judging import checks
 from raycheck.judging.plan import measure
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds
 from raycheck.judging.verify import verify
-from raycheck.mutants import OPTIONS
 from raycheck.renderers.renderer import Rendering
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique

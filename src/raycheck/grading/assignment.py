@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from raycheck.base.errors import NotFound, ReferenceError_
+from raycheck.grading.jail.limits import Limits
 from raycheck.scene.techniques import TECHNIQUES, technique
 from raycheck.scene.variants import Variant, variant
 from raycheck.truth import references
@@ -62,20 +63,6 @@ class Task:
     @property
     def measures_speed(self) -> bool:
         return not math.isnan(self.speed_points)
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Of the sandbox."""
-
-    build_seconds: float = 120.0
-    picture_seconds: float = 10.0
-    task_seconds: float = 300.0
-    memory_mb: int = 1024
-    processes: int = 64
-    output_mb: int = 64
-    readable: tuple[str, ...] = ()
-    """Folders beyond /usr that programs may read, such as a Python environment."""
 
 
 @dataclass(frozen=True)

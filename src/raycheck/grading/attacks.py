@@ -17,10 +17,10 @@ from raycheck.base.data import ROOT, references_dir
 from raycheck.base.errors import NotFound
 from raycheck.grading import course
 from raycheck.grading.assignment import read_assignment
+from raycheck.grading.jail.sandbox import FIRST_USER, GRADING, USERS, Tier
 from raycheck.grading.judge import Grader
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
-from raycheck.grading.sandbox import FIRST_USER, GRADING, USERS, Tier
 from raycheck.renderers.pools import Here
 
 FOLDER = ROOT / "tests/attacks"

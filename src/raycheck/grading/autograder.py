@@ -11,11 +11,12 @@ from pathlib import Path
 
 from raycheck.base.errors import NotFound, ReferenceError_
 from raycheck.base.files import write_whole
-from raycheck.grading import course, piece, sandbox
+from raycheck.grading import course, one_submission
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.assignment_bundle import ASSIGNMENT
-from raycheck.grading.gradescope import failed_json, results_json
+from raycheck.grading.jail import sandbox
 from raycheck.grading.judge import Grader
+from raycheck.grading.written.gradescope import failed_json, results_json
 
 UNFINISHED = "The grading was ended before it was finished. These are no final points: tell your teacher."
 NOT_STARTED = "The grading could not start, and it is not your fault: tell your teacher."
@@ -34,7 +35,7 @@ def run(root: Path, seconds: float) -> None:
         write_whole(results, failed_json(NOT_STARTED))
         return
     grader = changed(grader, seconds=seconds - (time.perf_counter() - started))
-    result = piece.grade_one(grader, course.content(root / "submission"), "submission")
+    result = one_submission.grade_one(grader, course.content(root / "submission"), "submission")
     write_whole(results, results_json(result))
     print(result.to_json(pictures=False))
 

@@ -16,16 +16,16 @@ from typing import Any
 
 from raycheck.base.errors import Lost, NotFound
 from raycheck.base.files import write_whole as write_whole
-from raycheck.grading import assignment_bundle, piece, submission
+from raycheck.grading import assignment_bundle, one_submission, submission
 from raycheck.grading.assignment import PICTURES, Assignment
-from raycheck.grading.gradescope import results_json
+from raycheck.grading.jail.sandbox import GRADING, Tier
 from raycheck.grading.judge import Grader, make_picture_references
 from raycheck.grading.keys import digest_of
-from raycheck.grading.pages import course_page, student_page
 from raycheck.grading.results import StudentResult
-from raycheck.grading.sandbox import GRADING, Tier
 from raycheck.grading.submission import SubmissionError, is_archive
-from raycheck.grading.tables import Override, apply_overrides, grades_csv, junit_xml
+from raycheck.grading.written.gradescope import results_json
+from raycheck.grading.written.pages import course_page, student_page
+from raycheck.grading.written.tables import Override, apply_overrides, grades_csv, junit_xml
 from raycheck.renderers import builds
 from raycheck.renderers.builds import Build
 from raycheck.renderers.pools import ATTEMPTS, Pool
@@ -123,9 +123,9 @@ def grade_class(
 
     def on_lost(index: int, error: Lost) -> bytes:
         why = f"the grader failed {ATTEMPTS} times ({error})"
-        return piece.ungraded(grader.assignment, todo[index].student, why).to_json().encode()
+        return one_submission.ungraded(grader.assignment, todo[index].student, why).to_json().encode()
 
-    for index, data in pool.run(piece.grade, _Pieces(grader, todo), on_lost):
+    for index, data in pool.run(one_submission.grade, _Pieces(grader, todo), on_lost):
         result = StudentResult.from_json(data)
         results[todo[index].student] = result
         write_student(grader.assignment, result, out)

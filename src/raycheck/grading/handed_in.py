@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
 from raycheck.grading.hidden import look_at, with_reference
-from raycheck.grading.pixels import Decoder
+from raycheck.grading.jail.pixels import Decoder
 from raycheck.judging.pictures import judge_pictures
 from raycheck.judging.verdicts import Case
 from raycheck.scene.variants import Variant

@@ -24,12 +24,11 @@ from raycheck.base.seeds import make_seeds
 from raycheck.grading import handed_in, noise, points, speed
 from raycheck.grading.assignment import PICTURES, Assignment, Task
 from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant, with_reference
+from raycheck.grading.jail.pixels import Decoder
+from raycheck.grading.jail.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
-from raycheck.grading.pixels import Decoder
-from raycheck.grading.program import OVER, Program, build, write_scene
+from raycheck.grading.program import OVER, Program, Tried, build, write_scene
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
-from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
-from raycheck.grading.simulated import Simulated
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.judging import checks
 from raycheck.judging.pictures import judge_pictures
@@ -229,7 +228,7 @@ class Grader:
         return found
 
     def judge(
-        self, task: Task, of: Variant, name: str, hidden: bool, program: Program | Simulated, purpose: str
+        self, task: Task, of: Variant, name: str, hidden: bool, program: Tried, purpose: str
     ) -> SceneResult:
         """One scene of a task, by as many looks as it takes; `purpose` decides the seeds."""
         started = time.perf_counter()

@@ -16,7 +16,7 @@ from raycheck.base.data import PACKAGE
 from raycheck.base.errors import NotFound
 from raycheck.grading.assignment_bundle import copy_assignment, write_all
 from raycheck.grading.judge import Grader
-from raycheck.grading.pages import TEMPLATES
+from raycheck.grading.written.pages import TEMPLATES
 from raycheck.renderers.bundle import bundle_oneray
 
 SCRIPTS = ("setup.sh", "run_autograder")

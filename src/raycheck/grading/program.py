@@ -7,16 +7,17 @@ import time
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
-from raycheck.grading.assignment import Limits
-from raycheck.grading.pixels import Decoder, take_picture
-from raycheck.grading.sandbox import Jail
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.pixels import Decoder, take_picture
+from raycheck.grading.jail.sandbox import Jail
 from raycheck.renderers.commands import TakesPlaceholders, split_command
-from raycheck.renderers.renderer import Rendering
+from raycheck.renderers.renderer import Renderer, Rendering
 from raycheck.scene import export
 from raycheck.scene.reader import read_scene
 from raycheck.scene.variants import Variant
@@ -85,6 +86,14 @@ class Taken:
         with self.lock:
             self.times[spp] = self.times.get(spp, 0.0) + seconds
             self.pictures.setdefault(spp, []).append(pixels)
+
+
+class Tried(Renderer, Protocol):
+    """A program whose pictures are judged: a submission's, or one that stands for a student's."""
+
+    pictures: dict[int, list[Array]]
+
+    def has_time(self, spp: int, more: int, pictures: int) -> bool: ...
 
 
 @dataclass

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from raycheck.base.images import Image, decode_srgb
 from raycheck.base.text import percent
 from raycheck.stats.tiles import Tile, region_means, region_variances
+from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
 
@@ -293,3 +294,13 @@ def _encoded(images: Array, reference: Array, reference_variance: Array, explain
         if explains(_mismatch(decoded.mean(axis=0), reference, tiles, yardstick, noise), before):
             return f"the values are {name}, linear radiance is needed"
     return None
+
+
+class Broken(Exception):
+    """An image that a plain check rejects, or none at all: the sentence that says so."""
+
+
+def check_contract(image: Image, truth: Truth, label: str) -> None:
+    problem = size_problem(image, *truth.shape) or number_problem(image)
+    if problem:
+        raise Broken(f"{problem} ({label})" if label else problem)

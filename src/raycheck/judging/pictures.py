@@ -14,15 +14,11 @@ from raycheck.base.errors import ImageError, NotFound
 from raycheck.base.images import Image, load_image
 from raycheck.base.text import signed
 from raycheck.judging import checks
+from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.evidence import evidence
-from raycheck.judging.plan import (
-    cumulants,
-    equivalent_spp,
-    residual_skewness,
-    tile_skewness,
-)
-from raycheck.judging.renders import Broken, check_contract, figures, known_as, told
+from raycheck.judging.plan import cumulants, equivalent_spp, residual_skewness, tile_skewness
 from raycheck.judging.settings import BATCHES
+from raycheck.judging.telling import figures, known_as, told
 from raycheck.judging.verdicts import Case
 from raycheck.scene import variants
 from raycheck.scene.content import read_content

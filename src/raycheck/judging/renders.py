@@ -12,17 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
-from raycheck.base.images import Image
-from raycheck.judging import checks, diagnosis, sentences
+from raycheck.judging import checks
 from raycheck.judging.agenda import Task
-from raycheck.judging.evidence import Evidence, evidence
-from raycheck.judging.plan import (
-    Pilot,
-    Plan,
-    measure,
-    pace,
-    plan,
-)
+from raycheck.judging.checks import Broken, check_contract
+from raycheck.judging.evidence import evidence
+from raycheck.judging.plan import Pilot, Plan, measure, pace, plan
 from raycheck.judging.settings import (
     BATCHES,
     MOST_SPP,
@@ -33,18 +27,14 @@ from raycheck.judging.settings import (
     Settings,
     case_seeds,
 )
+from raycheck.judging.telling import figures, known_as, told
 from raycheck.judging.verdicts import Case
 from raycheck.renderers.renderer import Rendering
-from raycheck.scene import variants
-from raycheck.stats.tiles import SMALLEST, Tile, region_means
-from raycheck.stats.verdict import Judgement, Outcome, judge
+from raycheck.stats.tiles import SMALLEST, region_means
+from raycheck.stats.verdict import Outcome, judge
 from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
-
-
-class Broken(Exception):
-    """An image that a plain check rejects, or none at all: the sentence that says so."""
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
@@ -195,12 +185,6 @@ def _render(task: Task, truth: Truth, spp: int, seed: int, timeout: float) -> Re
     return made
 
 
-def check_contract(image: Image, truth: Truth, label: str) -> None:
-    problem = checks.size_problem(image, *truth.shape) or checks.number_problem(image)
-    if problem:
-        raise Broken(f"{problem} ({label})" if label else problem)
-
-
 def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool) -> Plan:
     """Samples per pixel: what the goals need, at most what the time allows."""
 
@@ -212,50 +196,3 @@ def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool)
 
     wishes = [(goals, most(seconds)) for goals, seconds in settings.wishes(truth, unbounded)]
     return plan(pilot, truth, BATCHES, wishes, settings.limits)
-
-
-def known_as(of: variants.Variant) -> str:
-    """What signatures and parts go by; another scene may have the name of one here."""
-    return of.label if of.canonical else str(of.path)
-
-
-def told(
-    found: Judgement, regions: list[Tile], seconds: float, mistake: str | None, image: Image,
-    shown: Callable[[], Evidence],
-) -> tuple[Judgement, str]:  # fmt: skip
-    """The judgement's reason, and what coarse input means for it."""
-    if found.outcome is Outcome.FAIL and not mistake and image.precision == "float":
-        suspects, explained = diagnosis.likely(shown())
-        sentence = sentences.reason(found, regions, seconds, explained=explained) + sentences.suspicion(
-            suspects
-        )
-    else:
-        sentence = sentences.reason(found, regions, seconds, mistake)
-    if image.precision == "8-bit" and found.outcome is Outcome.PASS:
-        found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
-        return (
-            found,
-            "8 bits cannot show that an image is right: no gross mistake was seen; write EXR or PFM to pass",
-        )
-    if image.precision != "float":
-        sentence += f"; the images are {image.precision}, so that biases below their rounding are not seen"
-    return found, sentence
-
-
-def figures(found: Judgement, regions: list[Tile]) -> dict[str, object]:
-    return {
-        "bias": found.bias,
-        "bias_low": found.bias_low,
-        "bias_high": found.bias_high,
-        "mde_image": found.mde_image,
-        "mde_tile_p90": found.mde_tile_p90,
-        "mde_tile_max": found.mde_tile_max,
-        "tiles": len(regions) - 1,
-        "channel": sentences.CHANNELS[found.channel],
-        "p_image": found.p_image,
-        "p_tile": found.p_tile,
-        "p_omnibus": found.p_omnibus,
-        "tile_differences": found.tile_differences,
-        "heavy_tailed": found.heavy_tailed,
-        "more_samples": found.more_samples if found.outcome is Outcome.INCONCLUSIVE else None,
-    }

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from raycheck import mutants
-from raycheck.base.data import PACKAGE, ROOT, references_dir, scenes_dir
+from raycheck.base.data import PACKAGE, references_dir, scenes_dir
 from raycheck.base.errors import NotFound
 from raycheck.renderers.bundle import PROGRAM
 from raycheck.renderers.oneray import oneray_path
@@ -21,8 +20,6 @@ class Build:
 
     raycheck: str = ""
     oneray: str = ""
-    sources: str = ""
-    """Of oneray in a checkout, and how mutants are made of them here."""
 
 
 def require(wanted: Build) -> None:
@@ -31,23 +28,6 @@ def require(wanted: Build) -> None:
         _refuse("raycheck", PACKAGE)
     if wanted.oneray and oneray_hash() != wanted.oneray:
         _refuse("oneray", oneray_path())
-    if wanted.sources and _sources() != wanted.sources:
-        raise NotFound(
-            f"{ROOT} on {platform.node()} has other sources of oneray, or its processor lacks AVX2 "
-            "where another has it: calibrations need the same checkout on machines of one kind"
-        )
-
-
-def of_checkout() -> Build:
-    """What calibrations depend on."""
-    return Build(raycheck=raycheck_hash(), sources=mutants.program_path(None).parent.parent.name)
-
-
-def _sources() -> str:
-    try:
-        return mutants.program_path(None).parent.parent.name
-    except NotFound as error:
-        raise NotFound(f"{platform.node()}: {error}") from None
 
 
 def _refuse(what: str, path: Path) -> NoReturn:

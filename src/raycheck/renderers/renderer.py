@@ -16,8 +16,11 @@ class Rendering:
 class Renderer(Protocol):
     """Renders `scene` with `spp` samples per pixel and `seed`; raises RenderError."""
 
-    takes_scene: bool
-    takes_spp: bool
-    takes_seed: bool
+    @property
+    def takes_scene(self) -> bool: ...
+    @property
+    def takes_spp(self) -> bool: ...
+    @property
+    def takes_seed(self) -> bool: ...
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering: ...

@@ -2,8 +2,8 @@
 and that may die alone. Python's own pools of processes are not for the workers of Dask, which may have no
 such children, and one process that is killed ends all of a pool.
 
-python -m raycheck.renderers.workers answers (work, piece, fork) on standard input, pickled, with a result or an
-error.
+python -m raycheck.renderers.workers answers (work, piece, fork) on standard input, pickled, with a result or
+an error.
 """
 
 import contextlib

@@ -286,3 +286,7 @@ def left_out(content: SceneContent) -> dict[str, list[str]]:
         if why is not None:
             found.setdefault(why, []).append(one.name)
     return found
+
+
+FALLBACK = "nee"
+"""What prices are relative to where the baseline does not apply."""

@@ -20,12 +20,7 @@ from raycheck.truth.closed_forms.lamps import flat_and_round_lights, point_light
 from raycheck.truth.closed_forms.mirrors import metal, mirror_corridor, mirror_light
 from raycheck.truth.closed_forms.outdoors import open_sky, sun_and_spot
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance, pixel_means
-from raycheck.truth.closed_forms.solids import (
-    edges,
-    in_view,
-    kinks,
-    with_faces,
-)
+from raycheck.truth.closed_forms.solids import edges, in_view, kinks, with_faces
 
 Array = NDArray[np.float64]
 

@@ -9,13 +9,7 @@ from numpy.typing import NDArray
 from raycheck.scene.reader import Scene
 from raycheck.truth.closed_forms.mirrors import MANY_BOUNCES
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
-from raycheck.truth.closed_forms.solids import (
-    Plate,
-    film_line_of,
-    nearest,
-    seen,
-    visible_solid_angle,
-)
+from raycheck.truth.closed_forms.solids import Plate, film_line_of, nearest, seen, visible_solid_angle
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,7 @@ from numpy.typing import NDArray
 
 from raycheck.scene.reader import Scene, Spot
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
-from raycheck.truth.closed_forms.solids import (
-    Plate,
-    above_horizon,
-    nearest,
-    seen,
-    solid,
-)
+from raycheck.truth.closed_forms.solids import Plate, above_horizon, nearest, seen, solid
 
 Array = NDArray[np.float64]
 

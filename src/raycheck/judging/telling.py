@@ -1,0 +1,57 @@
+"""A judgement as the figures and the sentence of a case."""
+
+from collections.abc import Callable
+
+from raycheck.base.images import Image
+from raycheck.judging import diagnosis, sentences
+from raycheck.judging.evidence import Evidence
+from raycheck.scene import variants
+from raycheck.stats.tiles import Tile
+from raycheck.stats.verdict import Judgement, Outcome
+
+
+def known_as(of: variants.Variant) -> str:
+    """What signatures and parts go by; another scene may have the name of one here."""
+    return of.label if of.canonical else str(of.path)
+
+
+def told(
+    found: Judgement, regions: list[Tile], seconds: float, mistake: str | None, image: Image,
+    shown: Callable[[], Evidence],
+) -> tuple[Judgement, str]:  # fmt: skip
+    """The judgement's reason, and what coarse input means for it."""
+    if found.outcome is Outcome.FAIL and not mistake and image.precision == "float":
+        suspects, explained = diagnosis.likely(shown())
+        sentence = sentences.reason(found, regions, seconds, explained=explained) + sentences.suspicion(
+            suspects
+        )
+    else:
+        sentence = sentences.reason(found, regions, seconds, mistake)
+    if image.precision == "8-bit" and found.outcome is Outcome.PASS:
+        found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
+        return (
+            found,
+            "8 bits cannot show that an image is right: no gross mistake was seen; write EXR or PFM to pass",
+        )
+    if image.precision != "float":
+        sentence += f"; the images are {image.precision}, so that biases below their rounding are not seen"
+    return found, sentence
+
+
+def figures(found: Judgement, regions: list[Tile]) -> dict[str, object]:
+    return {
+        "bias": found.bias,
+        "bias_low": found.bias_low,
+        "bias_high": found.bias_high,
+        "mde_image": found.mde_image,
+        "mde_tile_p90": found.mde_tile_p90,
+        "mde_tile_max": found.mde_tile_max,
+        "tiles": len(regions) - 1,
+        "channel": sentences.CHANNELS[found.channel],
+        "p_image": found.p_image,
+        "p_tile": found.p_tile,
+        "p_omnibus": found.p_omnibus,
+        "tile_differences": found.tile_differences,
+        "heavy_tailed": found.heavy_tailed,
+        "more_samples": found.more_samples if found.outcome is Outcome.INCONCLUSIVE else None,
+    }
