@@ -44,6 +44,7 @@ from raycheck.renderers.renderer import Rendering
 from raycheck.scene import variants
 from raycheck.stats.verdict import Outcome
 from raycheck.truth import references
+from raycheck.truth.making import Goal
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -492,9 +493,7 @@ cp picture.pfm "$1"
 
 def test_a_hidden_scene_s_reference_is_as_fine_as_the_assignment_asks(tmp_path, oneray, monkeypatch) -> None:
     monkeypatch.setenv("ONERAY", str(oneray))
-    goal = hidden.reference_making.Goal(
-        image=0.02, tile=0.1, small_batches=16, spp_per_batch=4, min_batches=16
-    )
+    goal = Goal(image=0.02, tile=0.1, small_batches=16, spp_per_batch=4, min_batches=16)
     monkeypatch.setattr(hidden, "GOAL", goal)
     of = hidden.pool_variant(variants.variant("point-light"), 0, Keys("a", b"secret"), tmp_path)
     errors = []

@@ -24,6 +24,7 @@ from raycheck.grading.judge import Grader
 from raycheck.scene import export, variants
 from raycheck.stats.verdict import Outcome
 from raycheck.truth import references
+from raycheck.truth.making import Goal
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -177,7 +178,7 @@ def handed_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("grading needs Linux")
     work = tmp_path_factory.mktemp("pictures")
     patch = pytest.MonkeyPatch()
-    goal = hidden.reference_making.Goal(small_batches=128, min_batches=16, most_seconds=1.0)
+    goal = Goal(small_batches=128, min_batches=16, most_seconds=1.0)
     patch.setattr(hidden, "GOAL", goal)
     patch.setattr(example_class, "PICTURES_EACH", 4)
     asked = read_assignment(written(work / "a.toml", PICTURES))

@@ -16,7 +16,7 @@ from raycheck.scene import variants
 from raycheck.scene.reader import read_scene
 from raycheck.scene.techniques import TECHNIQUES
 from raycheck.truth import making, mitsuba, references
-from raycheck.truth.closed_forms import forms, store
+from raycheck.truth.closed_forms import forms, solids, store
 from raycheck.truth.making import relative_errors, skewness_tables, tile_means
 from raycheck.truth.manifest import read_manifest
 
@@ -58,8 +58,8 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of scenes and references that a test may change."""
     for name, folder in (("scenes", data.scenes_dir()), ("references", data.references_dir())):
         shutil.copytree(folder, tmp_path / name)
-    monkeypatch.setattr(references, "scenes_dir", lambda: tmp_path / "scenes")
-    monkeypatch.setattr(references, "references_dir", lambda: tmp_path / "references")
+    monkeypatch.setattr(data, "scenes_dir", lambda: tmp_path / "scenes")
+    monkeypatch.setattr(data, "references_dir", lambda: tmp_path / "references")
     return tmp_path
 
 
@@ -275,7 +275,7 @@ def test_lamberts_formula_equals_the_integral() -> None:
     d = np.linalg.norm(to_patch, axis=-1)
     area = np.cross(a, b)
     expected = np.mean(to_patch[..., 2] * np.abs(to_patch @ area) / d**4)
-    found = forms.projected_solid_angle(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), corners)
+    found = solids.projected_solid_angle(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), corners)
     assert found[0] == pytest.approx(expected, rel=1e-6)
 
 

@@ -27,9 +27,10 @@ from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
 from raycheck.grading.submission import Handed
-from raycheck.renderers import commands, pools
+from raycheck.renderers import pools
 from raycheck.renderers.bundle import bundle_oneray
 from raycheck.scene import variants
+from raycheck.truth.making import Goal
 
 TASKS = """\
 name = "split"
@@ -97,7 +98,7 @@ def untimed(values: dict) -> dict:
 @pytest.fixture(scope="module")
 def some_class(tmp_path_factory: pytest.TempPathFactory, oneray: Path) -> Class:
     with pytest.MonkeyPatch.context() as patch:
-        goal = hidden.reference_making.Goal(small_batches=128, min_batches=16, most_seconds=1.0)
+        goal = Goal(small_batches=128, min_batches=16, most_seconds=1.0)
         patch.setattr(hidden, "GOAL", goal)
         patch.setenv("ONERAY", str(oneray))
         made = Class(tmp_path_factory.mktemp("split"), oneray)
@@ -182,7 +183,7 @@ def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monke
     monkeypatch.setattr(noise, "IMAGES", noise.GROUPS + 1)
     found = [noise.of_oneray(of, 4, "nee", tmp_path)]
     monkeypatch.setenv("ONERAY", str(bundle_oneray(tmp_path / "bundle")))
-    monkeypatch.setattr(commands, "oneray_command", None)
+    monkeypatch.setattr(noise, "oneray_command", None)
     found.append(noise.of_oneray(of, 4, "nee", tmp_path))
     assert found[0] == found[1]
     for other in ((of, 5, "nee"), (of, 4, "mis-power"), (variants.variant("area-light"), 4, "nee")):

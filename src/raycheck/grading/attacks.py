@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.base.data import ROOT, references_dir
+from raycheck.base import data
+from raycheck.base.data import ROOT
 from raycheck.base.errors import NotFound
 from raycheck.grading import course
 from raycheck.grading.assignment import read_assignment
@@ -154,7 +155,7 @@ def _honest(result: StudentResult) -> Survived:
 
 def _outside(work: Path) -> str:
     """Of what no attack may change: the references, the attacks themselves, and the class folder."""
-    return " ".join(digest_of(folder) for folder in (references_dir(), FOLDER, work / "class"))
+    return " ".join(digest_of(folder) for folder in (data.references_dir(), FOLDER, work / "class"))
 
 
 def _unchanged(before: str, after: str) -> Survived:

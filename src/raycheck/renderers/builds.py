@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from raycheck.base.data import PACKAGE, references_dir, scenes_dir
+from raycheck.base import data
+from raycheck.base.data import PACKAGE
 from raycheck.base.errors import NotFound
 from raycheck.renderers.bundle import PROGRAM
 from raycheck.renderers.oneray import oneray_path
@@ -46,8 +47,8 @@ def raycheck_hash() -> str:
     """Of its sources, its scenes, and the list of its references."""
     whole = hashlib.sha256()
     for path in _files():
-        data = path.read_bytes()
-        whole.update(f"{path.name} {len(data)} ".encode() + data)
+        content = path.read_bytes()
+        whole.update(f"{path.name} {len(content)} ".encode() + content)
     return whole.hexdigest()
 
 
@@ -56,5 +57,5 @@ def _files() -> Iterator[Path]:
     for path in sorted(PACKAGE.rglob("*")):
         if path.is_file() and not set(path.relative_to(PACKAGE).parts) & set(apart):
             yield path
-    yield from sorted(path for path in scenes_dir().rglob("*") if path.is_file())
-    yield references_dir() / "manifest.json"
+    yield from sorted(path for path in data.scenes_dir().rglob("*") if path.is_file())
+    yield data.references_dir() / "manifest.json"

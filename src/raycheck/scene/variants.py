@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from raycheck.base.data import references_dir, scenes_dir
+from raycheck.base import data
 from raycheck.base.errors import ReferenceError_
 
 
@@ -31,12 +31,12 @@ class Variant:
 
     @property
     def canonical(self) -> bool:
-        return self.path.parent == scenes_dir()
+        return self.path.parent == data.scenes_dir()
 
     @property
     def folder(self) -> Path:
         """Where its reference is: the package's for canonical scenes, else `references` beside the scene."""
-        return references_dir() if self.canonical else self.path.parent / "references"
+        return data.references_dir() if self.canonical else self.path.parent / "references"
 
     @property
     def renew_command(self) -> str:
@@ -59,7 +59,7 @@ def variant(scene: str | Path, parameters: Mapping[str, str] | None = None) -> V
     """
     if isinstance(scene, Path) or Path(scene).is_file():
         path = Path(scene).resolve()
-        twin = scenes_dir() / path.name
+        twin = data.scenes_dir() / path.name
         if not path.is_file():
             raise ReferenceError_(f"no scene {scene}")
         if twin.is_file() and twin.read_bytes() == path.read_bytes():
@@ -87,12 +87,12 @@ def ladder() -> list[Variant]:
 
 def scene_names() -> list[str]:
     """Names of the canonical scenes, sorted."""
-    return sorted(path.stem for path in scenes_dir().glob("*.xml"))
+    return sorted(path.stem for path in data.scenes_dir().glob("*.xml"))
 
 
 def scene_path(name: str) -> Path:
     """Path of a canonical scene; ReferenceError_ with the names there are."""
-    path = scenes_dir() / f"{name}.xml"
+    path = data.scenes_dir() / f"{name}.xml"
     if not path.is_file():
         raise ReferenceError_(f"no scene {name!r}; there are: {', '.join(scene_names())}")
     return path

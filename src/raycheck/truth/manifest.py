@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from raycheck.base.data import references_dir
+from raycheck.base import data
 
 
 def read_manifest(folder: Path | None = None) -> dict[str, Any]:
     """manifest.json of a folder of references (the package's by default), empty if there is none yet."""
-    path = (folder or references_dir()) / "manifest.json"
+    path = (folder or data.references_dir()) / "manifest.json"
     if not path.is_file():
         return {}
     found = path.stat()

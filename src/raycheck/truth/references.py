@@ -18,7 +18,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from raycheck.base.data import references_dir
+from raycheck.base import data
 from raycheck.base.errors import ReferenceError_
 from raycheck.scene.variants import Variant, ladder, scene_hash, variant
 from raycheck.truth.closed_forms import forms, store
@@ -132,7 +132,7 @@ def _closed_form(path: Path, parameters: tuple[tuple[str, str], ...]) -> Array |
 
 def closed_form_file(of: Variant) -> Path:
     """Where that of a canonical scene is kept, if it takes its time."""
-    return references_dir() / "closed-forms" / f"{of.label}.npz"
+    return data.references_dir() / "closed-forms" / f"{of.label}.npz"
 
 
 def keep_closed_forms() -> Iterator[str]:

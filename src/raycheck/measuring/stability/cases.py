@@ -17,7 +17,7 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import NDArray
 
-from raycheck.base.data import scenes_dir
+from raycheck.base import data
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, str]
@@ -87,7 +87,7 @@ class Case:
 
     @property
     def path(self) -> Path:
-        return scenes_dir() / "stiff" / f"{self.scene or self.name}.xml"
+        return data.scenes_dir() / "stiff" / f"{self.scene or self.name}.xml"
 
     @property
     def coarse(self) -> tuple[float, ...]:
@@ -317,7 +317,9 @@ def _dimming(plate: float) -> Callable[[float], list[Settings]]:
 
 def ball_targets(count: int = 12) -> list[str]:
     """Vertices and middles of edges of the mesh that mesh-seams.xml looks at from within."""
-    lines = (scenes_dir() / "meshes" / "coarse-ball.ply").read_text().split("end_header\n")[1].splitlines()
+    lines = (
+        (data.scenes_dir() / "meshes" / "coarse-ball.ply").read_text().split("end_header\n")[1].splitlines()
+    )
     vertices = [np.array([float(word) for word in line.split()[:3]]) for line in lines[:42]]
     edges = {
         tuple(sorted(pair)) for line in lines[42:] for pair in _edges([int(w) for w in line.split()[1:]])
