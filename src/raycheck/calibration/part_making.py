@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from raycheck.base.seeds import make_seeds
 from raycheck.judging.parts import Parts, folder, manifest
 from raycheck.renderers.oneray import oneray_command, oneray_path
-from raycheck.scene import variants
+from raycheck.scene import document, variants
+from raycheck.scene.content import read_content
+from raycheck.scene.document import Element
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST, Tile, region_means
 from raycheck.truth import references
 
 Array = NDArray[np.float64]
-Element = ElementTree.Element
 
 FINER = 4
 SPP, SEEDS = 16, 8
@@ -54,14 +55,7 @@ class Surface:
 
 def parse(of: Variant) -> Element:
     """The scene with its comments, paths of mesh files absolute, parameters as defaults."""
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    root = ElementTree.parse(of.path, parser).getroot()
-    for default in root.iter("default"):
-        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
-    for string in root.iter("string"):
-        if string.get("name") == "filename":
-            string.set("value", str((of.path.parent / string.get("value", "")).resolve()))
-    return root
+    return of.document(comments=True).moved(lambda mesh: str(mesh.resolve()))
 
 
 def emitters(root: Element) -> list[tuple[Element, Element]]:
@@ -175,7 +169,7 @@ class _Maker:
 
     def render(self, root: Element, spp: int, seed: int) -> Array:
         path = self.folder / "scene.xml"
-        ElementTree.ElementTree(root).write(path, encoding="utf-8")
+        document.write(root, path)
         return self.command.render(path, spp, seed, TIMEOUT).image.pixels
 
     def mask(self, root: Element, surface: Surface) -> Array:
@@ -199,7 +193,7 @@ def make(of: Variant) -> Parts:
     root = parse(of)
     content = surfaces(root)
     lights = light_names(root)
-    depth = int(_depth(root))
+    depth = read_content(of.path, of.parameters).max_depth
     lengths = [n for n in LENGTHS if n == 0 or depth < 0 or n < depth]
     with tempfile.TemporaryDirectory(prefix="raycheck-") as scratch:
         maker = _Maker(of, Path(scratch))
@@ -221,13 +215,6 @@ def make(of: Variant) -> Parts:
     last = {2: "direct", 3: "two bounces"}.get(depth, "more bounces") if depth > 0 else "more bounces"
     told = [LENGTHS[n] if n else last for n in lengths]
     return _without_empty(Parts(lights, told, names, parts.mean(axis=0), _variance(parts)))
-
-
-def _depth(root: Element) -> str:
-    depth = root.find("./integrator/integer[@name='max_depth']")
-    value = depth.get("value", "-1") if depth is not None else "-1"
-    values = {f"${d.get('name')}": d.get("value", "") for d in root.iter("default")}
-    return values.get(value, value)
 
 
 def _variance(parts: Array) -> Array:

@@ -11,6 +11,7 @@ from raycheck.base.data import ROOT
 from raycheck.base.errors import NotFound
 from raycheck.grading.assignment import Assignment, Task
 from raycheck.grading.c_functions import Function, find
+from raycheck.scene import document
 from raycheck.scene.techniques import technique
 
 SOURCES = Path("src/oneray")
@@ -117,7 +118,7 @@ def _copy_scenes(assignment: Assignment, folder: Path) -> None:
     folder.mkdir()
     for of in {assignment.path_of(scene) for task in assignment.tasks for scene in task.scenes}:
         shutil.copy(of, folder)
-        for mesh in re.findall(r'name="filename" value="([^"]+)"', of.read_text(encoding="utf-8")):
+        for mesh in document.read(of).names():
             (folder / mesh).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(of.parent / mesh, folder / mesh)
 

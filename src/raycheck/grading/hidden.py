@@ -6,7 +6,6 @@ the secret. The reference is oneray's, made once and kept with the scene.
 """
 
 import math
-import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from raycheck.base.files import one_process
 from raycheck.base.machine import cores
 from raycheck.grading.keys import Keys
 from raycheck.renderers.oneray import oneray_command, oneray_path
-from raycheck.scene import variants
+from raycheck.scene import document, variants
 from raycheck.scene.techniques import BEST, technique
 from raycheck.scene.variants import Variant
 from raycheck.truth import making, references
@@ -101,37 +100,33 @@ def _with_reference(made: Variant, delta: float) -> Variant:
 
 
 def _copy_meshes(of: Variant, folder: Path) -> None:
-    for string in ElementTree.parse(of.path).getroot().iter("string"):
-        if string.get("name") == "filename":
-            name = string.get("value", "")
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes((of.path.parent / name).read_bytes())
+    for name in of.document().names():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes((of.path.parent / name).read_bytes())
 
 
 def vary(of: Variant, purpose: str, keys: Keys) -> str:
     """The scene file of a variant."""
-    root = ElementTree.parse(of.path).getroot()
-    for default in root.iter("default"):
-        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
-    for step in root.findall("./sensor/transform/lookat"):
+    root, said = of.document().root, of.document().resolved()
+    for step, values in zip(*(r.findall("./sensor/transform/lookat") for r in (root, said)), strict=True):
         origin, target, up = (
-            np.array([float(word) for word in step.get(key, "").replace(",", " ").split()])
+            np.array([float(word) for word in values.get(key, "").replace(",", " ").split()])
             for key in ("origin", "target", "up")
         )
         turn = LEAST_TURN + (MOST_TURN - LEAST_TURN) * keys.fraction(f"{purpose}/turn")
         side = 1 if keys.fraction(f"{purpose}/side") < 0.5 else -1
         moved = target + _turned(origin - target, up, side * turn)
         step.set("origin", ", ".join(f"{x:.6g}" for x in moved))
-    for number, emitter in enumerate(root.iter("emitter")):
-        for colour in emitter.findall("rgb"):
-            values = np.array([float(word) for word in colour.get("value", "").replace(",", " ").split()])
+    for number, emitters in enumerate(zip(root.iter("emitter"), said.iter("emitter"), strict=True)):
+        for colour, values in zip(*(e.findall("rgb") for e in emitters), strict=True):
+            light = np.array([float(word) for word in values.get("value", "").replace(",", " ").split()])
             scales = [
                 DIMMEST + (BRIGHTEST - DIMMEST) * keys.fraction(f"{purpose}/light {number}/{c}")
                 for c in range(3)
             ]
-            scaled = np.broadcast_to(values, 3) * scales
+            scaled = np.broadcast_to(light, 3) * scales
             colour.set("value", ", ".join(f"{x:.6g}" for x in scaled))
-    return ElementTree.tostring(root, encoding="unicode")
+    return document.text(root)
 
 
 def _turned(vector: Array, axis: Array, angle: float) -> Array:

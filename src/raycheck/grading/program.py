@@ -4,7 +4,6 @@ import shutil
 import tempfile
 import threading
 import time
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -18,7 +17,7 @@ from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail
 from raycheck.renderers.commands import TakesPlaceholders, split_command
 from raycheck.renderers.renderer import Renderer, Rendering
-from raycheck.scene import export
+from raycheck.scene import document, export
 from raycheck.scene.reader import read_scene
 from raycheck.scene.variants import Variant
 
@@ -32,15 +31,12 @@ def write_scene(of: Variant, name: str, folder: Path) -> tuple[int, int]:
     `name` is what the scene is called there: a hidden variant has the name of what it varies.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    root = ElementTree.parse(of.path).getroot()
-    for default in root.iter("default"):
-        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
-    for string in root.iter("string"):
-        if string.get("name") == "filename":
-            mesh = of.path.parent / string.get("value", "")
-            shutil.copyfile(mesh, folder / mesh.name)
-            string.set("value", mesh.name)
-    ElementTree.ElementTree(root).write(folder / "scene.xml", encoding="utf-8")
+
+    def beside(mesh: Path) -> str:
+        shutil.copyfile(mesh, folder / mesh.name)
+        return mesh.name
+
+    document.write(of.document().moved(beside), folder / "scene.xml")
     data = {**export.export(of), "scene": name}
     (folder / "scene.json").write_text(export.to_json(data), encoding="utf-8")
     camera = read_scene(of.path, of.parameters).camera

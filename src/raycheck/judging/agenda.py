@@ -3,7 +3,6 @@
 import re
 import subprocess
 import tempfile
-import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from raycheck.renderers import commands
 from raycheck.renderers.callables import Function
 from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.renderers.renderer import Renderer
+from raycheck.scene import document
 from raycheck.scene.content import SceneContent, read_content
 from raycheck.scene.techniques import BEST, Technique, applicable, technique
 from raycheck.scene.variants import Variant, ladder
@@ -129,14 +129,8 @@ def renderer_agenda(
 
 def write_variant(of: Variant, folder: Path) -> Path:
     """The scene as a file of its own: parameters as defaults, paths of mesh files absolute."""
-    root = ElementTree.parse(of.path).getroot()
-    for default in root.iter("default"):
-        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
-    for string in root.iter("string"):
-        if string.get("name") == "filename":
-            string.set("value", str((of.path.parent / string.get("value", "")).resolve()))
     path = folder / f"{re.sub(r'[^-@=,.+A-Za-z0-9_]', '_', of.label)}.xml"
-    ElementTree.ElementTree(root).write(path, encoding="utf-8")
+    document.write(of.document().moved(lambda mesh: str(mesh.resolve())), path)
     return path
 
 

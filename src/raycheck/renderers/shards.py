@@ -11,7 +11,6 @@ import json
 import os
 import tempfile
 import uuid
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +58,7 @@ class Work:
                         f"{path}: a split render needs its mesh files beside or below the scene file"
                     )
                 found[name] = path.read_bytes()
-        except (OSError, ElementTree.ParseError) as error:
+        except OSError as error:
             raise NotFound(f"{self.scene}: {error}") from None
         return found
 

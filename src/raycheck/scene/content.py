@@ -1,10 +1,11 @@
 """What decides whether a technique applies to a scene: its lights, materials and depth."""
 
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from raycheck.scene import document
 
 DELTA_LIGHTS = frozenset({"point", "spot", "directional"})
 """Emitters that no random ray can hit."""
@@ -57,15 +58,11 @@ class SceneContent:
 def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> SceneContent:
     """What techniques need to know of a scene file; `parameters` replace its `<default>` values."""
     text = scene.read_text(encoding="utf-8")
-    root = ET.fromstring(text)
-    values = {d.get("name", ""): d.get("value", "") for d in root.iter("default")} | dict(parameters or {})
+    root = document.read(scene, parameters).resolved()
 
     def setting(kind: str, name: str, default: str) -> str:
         element = root.find(f"./integrator/{kind}[@name='{name}']")
-        value = element.get("value", "") if element is not None else default
-        for key in sorted(values, key=len, reverse=True):
-            value = value.replace(f"${key}", values[key])
-        return value
+        return element.get("value", "") if element is not None else default
 
     kinds = [emitter.get("type", "") for emitter in root.iter("emitter")]
     shining = [s.get("type", "") for s in root.iter("shape") if s.find("emitter") is not None]

@@ -6,13 +6,16 @@ scene for mistakes.
 """
 
 import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from raycheck.base.errors import ReferenceError_
+from raycheck.scene import document
+from raycheck.scene.document import Element
 
 Array = NDArray[np.float64]
 
@@ -133,38 +136,13 @@ class Scene:
         return not (self.point_lights or self.suns or self.spots or self.sky.any())
 
 
-def substitute(root: ElementTree.Element, parameters: Mapping[str, str]) -> dict[str, str]:
-    """Put values for $names into all attributes; return them: parameters, else the file's defaults.
-
-    Raises ValueError for a parameter that the file has no `<default>` for.
-    """
-    defaults = {e.attrib["name"]: e.attrib["value"] for e in root.iter("default")}
-    unknown = sorted(set(parameters) - set(defaults))
-    if unknown:
-        known = ", ".join(sorted(defaults)) or "none"
-        raise ValueError(f"the scene has no parameter {', '.join(unknown)} (it has: {known})")
-    values = {**defaults, **parameters}
-    for element in root.iter():
-        if element.tag == "default":
-            continue
-        for key, text in element.attrib.items():
-            for name in sorted(values, key=len, reverse=True):
-                text = text.replace(f"${name}", values[name])
-            element.attrib[key] = text
-    return values
-
-
 def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene:
-    """Read a scene file with `parameters` in place of its defaults."""
-    root = ElementTree.parse(path).getroot()
-    substitute(root, parameters or {})
-    materials = {e.attrib["id"]: _material(e) for e in root.iter("bsdf") if "id" in e.attrib}
-    integrator = root.find("integrator")
-    if integrator is None:
-        raise ValueError(f"{path}: no integrator")
-    sensor = root.find("sensor")
-    if sensor is None:
-        raise ValueError(f"{path}: no sensor")
+    """Read a scene file with `parameters` for its defaults; ReferenceError_ where it says too little."""
+    root = document.read(path, parameters).resolved()
+    materials = _Materials({e.attrib["id"]: e for e in root.iter("bsdf") if "id" in e.attrib})
+    integrator, sensor = root.find("integrator"), root.find("sensor")
+    if integrator is None or sensor is None:
+        raise ReferenceError_(f"{path}: no {'integrator' if integrator is None else 'sensor'}")
     return Scene(
         camera=_camera(sensor),
         max_depth=int(_value(integrator, "max_depth", "-1")),
@@ -178,15 +156,15 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
     )
 
 
-def _emitters(root: ElementTree.Element, kind: str) -> list[ElementTree.Element]:
+def _emitters(root: Element, kind: str) -> list[Element]:
     return [e for e in root.findall("emitter") if e.attrib["type"] == kind]
 
 
-def _named(element: ElementTree.Element, name: str) -> ElementTree.Element | None:
+def _named(element: Element, name: str) -> Element | None:
     return next((e for e in element if e.attrib.get("name") == name), None)
 
 
-def _value(element: ElementTree.Element, name: str, default: str) -> str:
+def _value(element: Element, name: str, default: str) -> str:
     child = _named(element, name)
     return default if child is None else child.attrib["value"]
 
@@ -195,20 +173,20 @@ def _numbers(text: str) -> Array:
     return np.array([float(word) for word in text.replace(",", " ").split()])
 
 
-def _xyz(element: ElementTree.Element, default: float = 0.0) -> Array:
+def _xyz(element: Element, default: float = 0.0) -> Array:
     if "value" in element.attrib:
         values = _numbers(element.attrib["value"])
         return np.broadcast_to(values, 3).copy()
     return np.array([float(element.attrib.get(axis, default)) for axis in "xyz"])
 
 
-def _rgb(element: ElementTree.Element, name: str, default: float) -> Array:
+def _rgb(element: Element, name: str, default: float) -> Array:
     child = _named(element, name)
     values = np.array([default]) if child is None else _numbers(child.attrib["value"])
     return np.broadcast_to(values, 3).copy()
 
 
-def _transform(element: ElementTree.Element, name: str = "to_world") -> Array:
+def _transform(element: Element, name: str = "to_world") -> Array:
     """The (4, 4) matrix of a `<transform>`: its operations in order, the first applied first."""
     matrix = np.eye(4)
     transform = _named(element, name)
@@ -217,7 +195,7 @@ def _transform(element: ElementTree.Element, name: str = "to_world") -> Array:
     return matrix
 
 
-def _step(step: ElementTree.Element) -> Array:
+def _step(step: Element) -> Array:
     matrix = np.eye(4)
     if step.tag == "translate":
         matrix[:3, 3] = _xyz(step)
@@ -247,26 +225,44 @@ def _rotation(axis: Array, angle: float) -> Array:
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
 
 
-def _material(element: ElementTree.Element) -> Material:
-    kind = element.attrib["type"]
-    if kind == "conductor":
-        k = _rgb(element, "k", -1.0)
-        return Material(kind, _rgb(element, "specular_reflectance", 1.0), _rgb(element, "eta", 0.0), k)
-    if kind == "dielectric":
-        ratio = float(_value(element, "int_ior", "1.5046")) / float(_value(element, "ext_ior", "1.000277"))
-        return Material(kind, _rgb(element, "specular_reflectance", 1.0), np.full(3, ratio))
-    if kind == "blendbsdf":
-        parts = tuple(_material(e) for e in element.findall("bsdf"))
-        return Material(kind, np.zeros(3), weight=float(_value(element, "weight", "0.5")), parts=parts)
-    if kind == "twosided":
-        inner = element.find("bsdf")
-        if inner is None:
-            raise ValueError('a <bsdf type="twosided"> without a <bsdf> in it')
-        return replace(_material(inner), two_sided=True)
-    return Material(kind, _rgb(element, "reflectance", 0.5))
+@dataclass
+class _Materials:
+    """Those of a scene; one that several shapes refer to is one and the same."""
+
+    by_id: Mapping[str, Element]
+    read: dict[str, Material] = field(default_factory=dict)
+
+    def of(self, element: Element) -> Material:
+        """That of a <bsdf>, or of the one that a <ref> means."""
+        if element.tag == "bsdf":
+            return self._material(element)
+        name = element.get("id", "")
+        if name not in self.by_id:
+            raise ReferenceError_(f'<ref id="{name}"/>: nothing has this id')
+        if name not in self.read:
+            self.read[name] = self._material(self.by_id[name])
+        return self.read[name]
+
+    def _material(self, element: Element) -> Material:
+        kind = element.attrib["type"]
+        if kind == "conductor":
+            k = _rgb(element, "k", -1.0)
+            return Material(kind, _rgb(element, "specular_reflectance", 1.0), _rgb(element, "eta", 0.0), k)
+        if kind == "dielectric":
+            inner, outer = _value(element, "int_ior", "1.5046"), _value(element, "ext_ior", "1.000277")
+            ratio = float(inner) / float(outer)
+            return Material(kind, _rgb(element, "specular_reflectance", 1.0), np.full(3, ratio))
+        parts = tuple(self.of(e) for e in element if e.tag in ("bsdf", "ref"))
+        if kind == "blendbsdf":
+            return Material(kind, np.zeros(3), weight=float(_value(element, "weight", "0.5")), parts=parts)
+        if kind == "twosided" and parts:
+            return replace(parts[0], two_sided=True)
+        if kind == "twosided":
+            raise ReferenceError_('a <bsdf type="twosided"> without a <bsdf> in it')
+        return Material(kind, _rgb(element, "reflectance", 0.5))
 
 
-def _shape(element: ElementTree.Element, materials: Mapping[str, Material], folder: Path) -> Shape:
+def _shape(element: Element, materials: _Materials, folder: Path) -> Shape:
     to_world = _transform(element)
     if element.attrib["type"] == "sphere":
         center = _named(element, "center")
@@ -274,13 +270,12 @@ def _shape(element: ElementTree.Element, materials: Mapping[str, Material], fold
         local = np.diag([radius, radius, radius, 1.0])
         local[:3, 3] = np.zeros(3) if center is None else _xyz(center)
         to_world = to_world @ local
-    reference, own, light = (element.find(tag) for tag in ("ref", "bsdf", "emitter"))
-    if own is not None:
-        material = _material(own)
-    elif reference is not None:
-        material = materials[reference.attrib["id"]]
-    else:
-        material = Material("diffuse", np.full(3, 0.5))
+    light = element.find("emitter")
+    bsdf = next((child for child in element if child.tag in ("bsdf", "ref")), None)
+    if bsdf is not None:
+        material = materials.of(bsdf)
+    else:  # a lamp is black then
+        material = Material("diffuse", np.full(3, 0.5 if light is None else 0.0))
     return Shape(
         kind=element.attrib["type"],
         to_world=to_world,
@@ -292,19 +287,19 @@ def _shape(element: ElementTree.Element, materials: Mapping[str, Material], fold
     )
 
 
-def _point_light(element: ElementTree.Element) -> PointLight:
+def _point_light(element: Element) -> PointLight:
     position = _named(element, "position")
     origin = _transform(element)[:3, 3] if position is None else _xyz(position)
     return PointLight(origin, _rgb(element, "intensity", 1.0))
 
 
-def _sun(element: ElementTree.Element) -> Sun:
+def _sun(element: Element) -> Sun:
     direction = _named(element, "direction")
     way = _transform(element)[:3, 2] if direction is None else _xyz(direction)
     return Sun(way / np.linalg.norm(way), _rgb(element, "irradiance", 1.0))
 
 
-def _spot(element: ElementTree.Element) -> Spot:
+def _spot(element: Element) -> Spot:
     to_world = _transform(element)
     cutoff = float(_value(element, "cutoff_angle", "20"))
     beam = float(_value(element, "beam_width", str(0.75 * cutoff)))
@@ -313,7 +308,7 @@ def _spot(element: ElementTree.Element) -> Spot:
     return Spot(to_world[:3, 3], axis, intensity, math.radians(cutoff), math.radians(beam))
 
 
-def _camera(sensor: ElementTree.Element) -> Camera:
+def _camera(sensor: Element) -> Camera:
     film = sensor.find("film")
     if film is None:
         raise ValueError("no film")

@@ -2,13 +2,14 @@
 
 import hashlib
 import json
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from raycheck.base import data
 from raycheck.base.errors import ReferenceError_
+from raycheck.scene import document
+from raycheck.scene.document import Document
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,9 @@ class Variant:
         settings = "".join(f" -D{k}={v}" for k, v in sorted(self.parameters.items()))
         return f"raycheck reference {self.name if self.canonical else self.path}{settings}"
 
-    def check_parameters(self) -> None:
-        """ReferenceError_ if the scene has no `<default>` of that name."""
-        known = [d.get("name", "") for d in ElementTree.parse(self.path).getroot().iter("default")]
-        for name in self.parameters:
-            if name not in known:
-                raise ReferenceError_(f"{self.name} has no parameter {name} ({', '.join(known) or 'none'})")
+    def document(self, *, comments: bool = False) -> Document:
+        """What the file says; ReferenceError_ if it has no `<default>` of the name of a parameter."""
+        return document.read(self.path, self.parameters, comments=comments)
 
 
 def variant(scene: str | Path, parameters: Mapping[str, str] | None = None) -> Variant:
@@ -70,7 +68,7 @@ def variant(scene: str | Path, parameters: Mapping[str, str] | None = None) -> V
         path = scene_path(name)
     stated = dict(pair.partition("=")[::2] for pair in settings.split(",") if pair)
     found = Variant(path, stated | dict(parameters or {}))
-    found.check_parameters()
+    found.document()
     return found
 
 
@@ -78,9 +76,8 @@ def ladder() -> list[Variant]:
     """Every canonical scene as it stands and at its other depth: direct light only, or without limit."""
     found = []
     for name in scene_names():
-        root = ElementTree.parse(scene_path(name)).getroot()
-        depths = [d.get("value") for d in root.iter("default") if d.get("name") == "depth"]
-        others = [{"depth": "-1" if depth == "2" else "2"} for depth in depths]
+        defaults = document.read(scene_path(name)).defaults
+        others = [{"depth": "-1" if defaults["depth"] == "2" else "2"}] if "depth" in defaults else []
         found += [Variant(scene_path(name), parameters) for parameters in ({}, *others)]
     return found
 
@@ -109,14 +106,4 @@ def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
 
 def files_of(path: Path, parameters: Mapping[str, str] | None = None) -> list[Path]:
     """The files that a scene file names, in its order."""
-    root = ElementTree.fromstring(path.read_bytes())
-    values = {default.attrib["name"]: default.attrib["value"] for default in root.iter("default")}
-    values |= parameters or {}
-    found = []
-    for element in root.iter("string"):
-        if element.attrib.get("name") == "filename":
-            name = element.attrib["value"]
-            for parameter in sorted(values, key=len, reverse=True):
-                name = name.replace(f"${parameter}", values[parameter])
-            found.append(path.parent / name)
-    return found
+    return document.read(path, parameters).files()

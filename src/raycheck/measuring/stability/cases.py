@@ -7,7 +7,6 @@ is swept, so that the picture stays within what single floats hold.
 """
 
 import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from mpmath import mp, mpf
 from numpy.typing import NDArray
 
 from raycheck.base import data
+from raycheck.scene import document
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, str]
@@ -29,10 +29,8 @@ class Parsed:
     """The `<default>`s of a scene with some replaced, as numbers rounded the way a program parses them."""
 
     def __init__(self, scene: Path, settings: Settings, single: bool = False):
-        self.root = ElementTree.parse(scene).getroot()
-        self.texts = {d.get("name", ""): d.get("value", "") for d in self.root.iter("default")} | dict(
-            settings
-        )
+        said = document.read(scene, settings)
+        self.root, self.texts = said.root, said.defaults
         self.single = single
 
     def __call__(self, name: str) -> mpf:
