@@ -12,9 +12,10 @@ import pytest
 from raycheck.base.images import write_pfm
 from raycheck.calibration import mutants
 from raycheck.judging import diagnosis, sentences
-from raycheck.judging.evidence import evidence, fine_tiles
+from raycheck.judging.evidence import evidence
 from raycheck.judging.findings import guesses
 from raycheck.scene import lecture
+from raycheck.stats.tiles import grid
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
 
@@ -25,7 +26,7 @@ SCENE = "area-light"
 def enlarge(tiles: np.ndarray, height: int, width: int) -> np.ndarray:
     """(T, 3) of the fine tiles as an image."""
     image = np.zeros((height, width, 3))
-    for tile, value in zip(fine_tiles(height, width), tiles, strict=True):
+    for tile, value in zip(grid(height, width), tiles, strict=True):
         image[tile.window] = value
     return image
 

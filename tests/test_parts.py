@@ -9,10 +9,10 @@ import raycheck
 from raycheck.base import data
 from raycheck.calibration import part_making
 from raycheck.judging import parts, sentences
-from raycheck.judging.evidence import evidence_of_means, fine_tiles
+from raycheck.judging.evidence import evidence_of_means
 from raycheck.judging.parts import Explanation, Factor, Hypothesis
 from raycheck.scene import variants
-from raycheck.stats.tiles import region_means, region_variances
+from raycheck.stats.tiles import grid, region_means, region_variances
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
 
@@ -33,7 +33,7 @@ def template(hypothesis: Hypothesis) -> np.ndarray:
 
 def found(truth, error, seed=1, samples=SAMPLES):
     """Evidence of tiles that are off by `error` (T, 3), as noisy as the reference's renderer."""
-    tiles = fine_tiles(*truth.shape)
+    tiles = grid(*truth.shape)
     variance = region_variances(truth.sample_variance, tiles) * BATCHES / samples
     noise = np.random.default_rng(seed).standard_normal((BATCHES, *variance.shape)) * np.sqrt(variance)
     return evidence_of_means(SCENE, region_means(truth.mean, tiles) + error + noise, truth)
@@ -48,7 +48,7 @@ def test_parts_sum_to_the_reference(scene):
         pixels, variance = references.load_reference(scene).best()
     else:
         pixels, variance = np.split(references.read_exr(data.references_dir() / f"{scene}.exr"), 2, 2)
-    tiles = fine_tiles(*pixels.shape[:2])
+    tiles = grid(*pixels.shape[:2])
     mean = region_means(pixels, tiles)
     within = 0.01 * np.maximum(mean, mean.mean() / 10)
     allowed = within**2 + region_variances(variance, tiles)
@@ -91,7 +91,7 @@ def test_each_light_may_have_a_factor(truth):
 def test_what_no_part_explains_is_not_told(truth):
     """A chessboard of tiles, half of a light's shadow, noise alone."""
     signs = np.where(np.indices((8, 8)).sum(axis=0) % 2, 0.3, -0.3).reshape(-1, 1)
-    mean = region_means(truth.mean, fine_tiles(*truth.shape))
+    mean = region_means(truth.mean, grid(*truth.shape))
     assert parts.explain(found(truth, signs * mean)) is None
     light = template(Hypothesis("light 2 of 8", "direct")).copy()
     light[: len(light) // 2] = 0
@@ -133,7 +133,7 @@ def test_verify_says_it(truth):
     """In the sentence of a FAIL: a renderer whose second light has half of its power."""
     error = np.zeros_like(truth.mean)
     wrong = -0.5 * template(Hypothesis("light 2 of 8", "direct"))
-    for tile, value in zip(fine_tiles(*truth.shape), wrong, strict=True):
+    for tile, value in zip(grid(*truth.shape), wrong, strict=True):
         error[tile.window] = value
 
     def render(path, spp, seed):

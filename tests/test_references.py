@@ -15,9 +15,10 @@ from raycheck.base.seeds import make_seeds
 from raycheck.scene import variants
 from raycheck.scene.reader import read_scene
 from raycheck.scene.techniques import TECHNIQUES
+from raycheck.stats.tiles import tile_means
 from raycheck.truth import making, mitsuba, references
 from raycheck.truth.closed_forms import forms, solids, store
-from raycheck.truth.making import relative_errors, skewness_tables, tile_means
+from raycheck.truth.making import relative_errors, skewness_tables
 from raycheck.truth.manifest import read_manifest
 
 CLOSED = sorted(forms.FORMS)
@@ -157,7 +158,10 @@ def test_a_file_that_is_no_reference_is_refused(elsewhere: Path) -> None:
 
 def test_the_hash_covers_scene_parameters_and_the_files_that_the_scene_names(tmp_path: Path) -> None:
     scene, mesh = tmp_path / "a.xml", tmp_path / "m.ply"
-    scene.write_text('<scene><shape type="ply"><string name="filename" value="m.ply"/></shape></scene>')
+    scene.write_text(
+        '<scene><default name="depth" value="2"/>'
+        '<shape type="ply"><string name="filename" value="m.ply"/></shape></scene>'
+    )
     mesh.write_text("one")
     first = variants.scene_hash(scene)
     assert variants.scene_hash(scene, {"depth": "3"}) != first

@@ -1,20 +1,29 @@
 """Files that are written as a whole or not at all, and folders that one process at a time works in."""
 
 import contextlib
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Where to write what is to become the file `path`: it takes its place at the end, or nothing is left."""
+    with tempfile.TemporaryDirectory(dir=path.absolute().parent, prefix=".writing-") as scratch:
+        partial = Path(scratch) / path.name
+        yield partial
+        partial.replace(path)
+
+
 def write_whole(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
-    partial = path.with_name(f".{path.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
+    """Write a text as a whole or not at all."""
+    with whole(path) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 @contextlib.contextmanager
 def one_process(folder: Path) -> Iterator[None]:
-    """At a time, of all that ask for this folder on this machine; not on Windows."""
+    """A folder that one process at a time has, of all on this machine that ask for it; not on Windows."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock:
         with contextlib.suppress(ImportError):

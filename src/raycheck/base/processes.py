@@ -7,10 +7,11 @@ import subprocess
 import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, Protocol
 
 from raycheck.base.errors import Lost, RenderError
 
-running: "weakref.WeakSet[subprocess.Popen[bytes]]" = weakref.WeakSet()
+running: "weakref.WeakSet[subprocess.Popen[Any]]" = weakref.WeakSet()
 """The processes that threads of this one wait for, to be ended with it."""
 
 
@@ -24,12 +25,37 @@ def tree(root: int) -> Iterator[int]:
                 waiting += map(int, (thread / "children").read_text().split())
 
 
-def kill_tree(process: subprocess.Popen[bytes]) -> None:
-    """With all below it, which may lead sessions of their own."""
-    for pid in list(tree(process.pid))[1:] if process.poll() is None else ():
+class Process(Protocol):
+    """What ending a process takes; subprocess.Popen is one."""
+
+    @property
+    def pid(self) -> int: ...
+    def poll(self) -> int | None: ...
+    def kill(self) -> None: ...
+
+
+def end(process: Process) -> None:
+    """End a process with all that it started: its group where it leads one, and by Linux's /proc what is
+    below it in sessions of its own. Nothing is done about one that has ended already.
+    """
+    if process.poll() is not None:
+        return
+    below = list(tree(process.pid))[1:]
+    with contextlib.suppress(OSError):  # it may end just now
+        if os.name == "posix" and os.getpgid(process.pid) == process.pid:
+            os.killpg(process.pid, signal.SIGKILL)
+    for pid in below:
         with contextlib.suppress(OSError):
             os.kill(pid, signal.SIGKILL)
     process.kill()
+
+
+def signal_name(number: int) -> str:
+    """SIGSEGV for 11; the number for one that has no name."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return str(number)
 
 
 def run_process(words: Sequence[str], hide: str = "") -> None:
@@ -52,5 +78,5 @@ def run_process(words: Sequence[str], hide: str = "") -> None:
 
 def ended(name: str, status: int) -> Lost:
     """Without a result: exit status, or minus the signal."""
-    how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
+    how = signal_name(-status) if status < 0 else f"exit status {status}"
     return Lost(f"{name} was ended by {how}")

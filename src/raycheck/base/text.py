@@ -18,6 +18,12 @@ def signed(value: float) -> str:
     return ("+" if value >= 0 else "−") + percent(value)
 
 
+def last_words(said: str) -> str:
+    """The last three lines of what a program said, as the end of a sentence; empty if it said nothing."""
+    lines = [line.strip()[:300] for line in said.splitlines() if line.strip()]
+    return "; it said: " + " | ".join(lines[-3:]) if lines else ""
+
+
 def duration(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"

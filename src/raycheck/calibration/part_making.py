@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
 from raycheck.judging.parts import Parts, folder, manifest
 from raycheck.renderers.oneray import oneray_command, oneray_path
@@ -25,7 +26,7 @@ from raycheck.scene import document, variants
 from raycheck.scene.content import read_content
 from raycheck.scene.document import Element
 from raycheck.scene.variants import Variant
-from raycheck.stats.tiles import SMALLEST, Tile, region_means
+from raycheck.stats.tiles import SMALLEST, grid, region_means
 from raycheck.truth import references
 
 Array = NDArray[np.float64]
@@ -178,15 +179,6 @@ class _Maker:
         sides = [self.render(showing(root, surface, flipped), MASK_SPP, seed) for flipped in (False, True)]
         return np.clip(sum(side[..., 0] for side in sides), 0, 1)
 
-    def tiles(self) -> list[Tile]:
-        side = SMALLEST * FINER
-        height, width = self.shape
-        return [
-            Tile(row, column, min(side, height - row), min(side, width - column))
-            for row in range(0, height, side)
-            for column in range(0, width, side)
-        ]
-
 
 def make(of: Variant) -> Parts:
     """Render all of one scene's."""
@@ -199,7 +191,7 @@ def make(of: Variant) -> Parts:
         maker = _Maker(of, Path(scratch))
         masks = [maker.mask(root, surface) for surface in content]
         rest = np.clip(1 - sum(masks), 0, 1)
-        tiles = maker.tiles()
+        tiles = grid(*maker.shape, SMALLEST * FINER)
         seeds = make_seeds(f"parts/{of.label}", SEEDS)
         parts = np.zeros((SEEDS, len(lights), len(lengths), len(masks) + 1, len(tiles), 3))
         for light in range(len(lights)):
@@ -241,19 +233,15 @@ def write(scenes: Sequence[str]) -> Iterator[str]:
     for scene in scenes:
         of = variants.variant(scene)
         found = make(of)
-        with tempfile.TemporaryDirectory(dir=target) as scratch:
-            partial = Path(scratch) / f"{scene}.npz"
+        with whole(target / f"{scene}.npz") as partial:
             np.savez_compressed(
                 partial,
                 image=found.image.astype(np.float32), deviation=np.sqrt(found.variance).astype(np.float32),
             )  # fmt: skip
-            partial.replace(target / f"{scene}.npz")
         listing[scene] = {
             "hash": variants.scene_hash(of.path), "lights": list(found.lights),
             "lengths": list(found.lengths), "surfaces": list(found.surfaces), "spp": SPP * SEEDS * FINER**2,
         }  # fmt: skip
         text = json.dumps(dict(sorted(listing.items())), indent=1, ensure_ascii=False) + "\n"
-        partial = target / ".manifest.json.part"
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(target / "manifest.json")
+        write_whole(target / "manifest.json", text)
         yield scene

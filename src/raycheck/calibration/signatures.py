@@ -6,7 +6,6 @@ under build/calibration until the signatures are put together.
 """
 
 import json
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.base.errors import RenderError
+from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
 from raycheck.calibration import mutants, trials
 from raycheck.calibration.mutants import Mutant
 from raycheck.judging.diagnosis import folder
-from raycheck.judging.evidence import fine_tiles
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import applicable, technique
-from raycheck.stats.tiles import region_means
+from raycheck.stats.tiles import grid, region_means
 from raycheck.truth import references
 
 Array = NDArray[np.float64]
@@ -91,7 +90,7 @@ def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
     # Variants are tests of naming: they have seeds of their own.
     key = f"signature/{pair.scene}/{bool(pair.mutant.variant)}"
     seeds = make_seeds(key, SEEDS)
-    none = np.zeros((0, len(fine_tiles(*_shape(pair.scene))), 3))
+    none = np.zeros((0, len(grid(*_shape(pair.scene))), 3))
     broken = right = none
     try:
         first, correct = _correct_means(pair.scene, name, seeds, work)
@@ -110,7 +109,7 @@ def _shape(scene: str) -> tuple[int, int]:
 
 def _tile_means(program: Path, scene: str, name: str, seeds: Sequence[int]) -> Array:
     images = trials.Program(program, name).images(scene, [(SPP, seed) for seed in seeds])
-    return region_means(images, fine_tiles(*_shape(scene)))
+    return region_means(images, grid(*_shape(scene)))
 
 
 def _correct_means(scene: str, name: str, seeds: Sequence[int], work: Path) -> tuple[Array, Array]:
@@ -125,10 +124,8 @@ def _correct_means(scene: str, name: str, seeds: Sequence[int], work: Path) -> t
 
 
 def _save(path: Path, **arrays: Array) -> None:
-    with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
-        partial = Path(scratch) / path.name
+    with whole(path) as partial:
         np.savez_compressed(partial, **arrays)
-        partial.replace(path)
 
 
 def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
@@ -186,7 +183,5 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
         },
         "scenes": scenes,
     }
-    partial = target / ".manifest.json.part"
-    partial.write_text(json.dumps(listing, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    partial.replace(target / "manifest.json")
+    write_whole(target / "manifest.json", json.dumps(listing, indent=1, ensure_ascii=False) + "\n")
     return target

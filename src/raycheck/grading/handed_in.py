@@ -16,10 +16,9 @@ from raycheck.grading.jail.pixels import Decoder
 from raycheck.judging.pictures import judge_pictures
 from raycheck.judging.verdicts import Case
 from raycheck.scene.variants import Variant
-from raycheck.stats.tiles import SMALLEST
+from raycheck.stats.tiles import SMALLEST, tile_means
 from raycheck.stats.verdict import Limits, Outcome
 from raycheck.truth import references
-from raycheck.truth.making import tile_means
 
 Array = NDArray[np.float64]
 

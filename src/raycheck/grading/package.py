@@ -14,6 +14,7 @@ from pathlib import Path
 from raycheck.base import data
 from raycheck.base.data import PACKAGE
 from raycheck.base.errors import NotFound
+from raycheck.base.files import whole
 from raycheck.grading.assignment_bundle import copy_assignment, write_all
 from raycheck.grading.judge import Grader
 from raycheck.grading.written.pages import TEMPLATES
@@ -34,10 +35,8 @@ def write_package(grader: Grader, path: Path) -> None:
         _copy_raycheck(folder)
         bundle_oneray(folder / "oneray")
         copy_assignment(grader.assignment, folder)
-        partial = path.with_name(f".{path.name}.part")
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        with whole(path) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
             write_all(archive, folder)
-        partial.replace(path)
 
 
 def _copy_raycheck(folder: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
+from raycheck.base.text import last_words
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail
@@ -152,7 +153,7 @@ class Program(Taken, TakesPlaceholders):
             "{output}": "/out/image.exr", "{scene}": "/task/scene.xml", "{json}": "/task/scene.json",
             "{name}": self.name, "{task}": self.task, "{spp}": str(spp), "{seed}": str(seed),
         }  # fmt: skip
-        words = [_fill(word, values) for word in self.words]
+        words = self.filled(values)
         with tempfile.TemporaryDirectory(dir=self.scratch, ignore_cleanup_errors=True) as place:
             output, private = Path(place) / "out", Path(place) / "private"
             Path(place).chmod(0o711)
@@ -169,22 +170,11 @@ class Program(Taken, TakesPlaceholders):
                 kind = RenderLate if done.late else RenderError
                 raise kind(f"no picture (seed {seed}): {done.problem}")
             image = take_picture(
-                output, private, limits.output_mb << 20, self.size, self.decoder, _said(done.said)
+                output, private, limits.output_mb << 20, self.size, self.decoder, last_words(done.said)
             )
             spent = time.perf_counter() - started
         self.take(spp, spent, image.pixels)
         return Rendering(image, done.seconds)
-
-
-def _said(text: str) -> str:
-    lines = [line.strip()[:300] for line in text.splitlines() if line.strip()]
-    return "; it said: " + " | ".join(lines[-3:]) if lines else ""
-
-
-def _fill(word: str, values: dict[str, str]) -> str:
-    for placeholder, value in values.items():
-        word = word.replace(placeholder, value)
-    return word
 
 
 def build(jail: Jail, folder: Path, command: str) -> str:

@@ -6,14 +6,13 @@ is wrong.
 
 import hashlib
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.base.images import Image, decode_srgb
 from raycheck.base.text import percent
-from raycheck.stats.tiles import Tile, region_means, region_variances
+from raycheck.stats.tiles import Tile, grid, region_means, region_variances
 from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
@@ -29,11 +28,11 @@ RARE = 2.0
 FEWEST_VARYING = 256
 """Pixels that must vary for their correlation to say anything."""
 GROWTH_ERROR, GROWTH_ERRORS = 0.7, 5.0
-OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
-"""Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
 """Standard error of the logarithm of a region's variance from eight images, and how many of the median's are
 beyond chance.
 """
+OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
+"""Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
 FEWER_NOISY = 0.5
 """Variance of a sample over the reference's, below which samples that are too dark look clamped."""
 
@@ -174,7 +173,7 @@ def name_mistake(
     if clamp:
         return clamp
     mean = images.mean(axis=0)
-    tiles = list(_grid(*reference.shape[:2]))
+    tiles = grid(*reference.shape[:2])
     yardstick = _yardstick(reference, tiles)
     noise = _noise(images, tiles) + region_variances(reference_variance, tiles)
     before = _mismatch(mean, reference, tiles, yardstick, noise)
@@ -207,12 +206,6 @@ def name_mistake(
             ):
                 return f"{sentence}, and {_factor_sentence(factor, lights)}"
     return _encoded(images, reference, reference_variance, explains)
-
-
-def _grid(height: int, width: int, size: int = 8) -> Iterator[Tile]:
-    for row in range(0, height, size):
-        for column in range(0, width, size):
-            yield Tile(row, column, min(size, height - row), min(size, width - column))
 
 
 def _yardstick(reference: Array, tiles: list[Tile]) -> Array:
@@ -281,8 +274,8 @@ def _encoded(images: Array, reference: Array, reference_variance: Array, explain
     """sRGB or gamma 2.2 instead of linear values; judged where the reference is too dark to have been
     clipped.
     """
-    tiles = [t for t in _grid(*reference.shape[:2]) if reference[t.window].max() < 0.8]
-    if len(tiles) * 4 < len(list(_grid(*reference.shape[:2]))) or images.min() < 0:
+    tiles = [t for t in grid(*reference.shape[:2]) if reference[t.window].max() < 0.8]
+    if len(tiles) * 4 < len(grid(*reference.shape[:2])) or images.min() < 0:
         return None
     yardstick = _yardstick(reference, tiles)
     reference_noise = region_variances(reference_variance, tiles)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck.stats.tiles import SMALLEST, Tile, region_means, region_variances
+from raycheck.stats.tiles import grid, region_means, region_variances
 from raycheck.truth.expected import Truth
 
 Array = NDArray[np.float64]
@@ -42,20 +42,11 @@ class Evidence:
         return float(np.sqrt(np.mean((self.error / self.scale) ** 2)))
 
 
-def fine_tiles(height: int, width: int) -> list[Tile]:
-    """The tiles of signatures and templates."""
-    return [
-        Tile(row, column, min(SMALLEST, height - row), min(SMALLEST, width - column))
-        for row in range(0, height, SMALLEST)
-        for column in range(0, width, SMALLEST)
-    ]
-
-
 def evidence(scene: str, images: Array, truth: Truth) -> Evidence:
     """From images (B ≥ 1, H, W, 3). The noise of a single one is taken from how its pixels differ within
     tiles.
     """
-    tiles = fine_tiles(*truth.shape)
+    tiles = grid(*truth.shape)
     if len(images) > 1:
         return evidence_of_means(scene, region_means(images, tiles), truth)
     rest = images[0] - truth.mean
@@ -73,7 +64,7 @@ def evidence_of_means(scene: str, means: Array, truth: Truth) -> Evidence:
     less than the reference's renderer would have there with as many samples, by the median over the tiles.
     """
     own = means.var(axis=0, ddof=1) / len(means)
-    one = region_variances(truth.sample_variance, fine_tiles(*truth.shape))
+    one = region_variances(truth.sample_variance, grid(*truth.shape))
     noisy = (own > 0) & (one > 0)
     if noisy.any():
         own = np.maximum(own, np.where(own > 0, one * np.median(own[noisy] / one[noisy]), 0.0))
@@ -97,7 +88,7 @@ def _correlation(rest: Array, tiles: int) -> Array:
 
 
 def _evidence(scene: str, mean: Array, own: Array, correlation: Array, truth: Truth) -> Evidence:
-    tiles = fine_tiles(*truth.shape)
+    tiles = grid(*truth.shape)
     expected = region_means(truth.mean, tiles)
     floor = np.abs(truth.mean).mean(axis=(0, 1)) / 10
     scale = np.maximum(np.abs(expected), np.where(floor > 0, floor, 1.0))

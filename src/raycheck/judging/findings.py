@@ -15,12 +15,12 @@ from raycheck.base.text import percent
 from raycheck.judging import checks, diagnosis, parts, sentences
 from raycheck.judging.agenda import renderer_agenda
 from raycheck.judging.diagnosis import Diagnosis
-from raycheck.judging.evidence import Evidence, evidence, fine_tiles
+from raycheck.judging.evidence import Evidence, evidence
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import lecture, variants
 from raycheck.scene.content import read_content
 from raycheck.scene.variants import Variant
-from raycheck.stats.tiles import region_means
+from raycheck.stats.tiles import grid, region_means
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
 
@@ -84,7 +84,7 @@ def guess_scene(image: Array) -> str:
         mean = references.read_exr(data.references_dir() / f"{name}.exr")[..., :3]
         if mean.shape != image.shape:
             continue
-        tiles = fine_tiles(*mean.shape[:2])
+        tiles = grid(*mean.shape[:2])
         logs = [np.log(region_means(one, tiles) + 1e-2 * mean.mean()).ravel() for one in (usable, mean)]
         alike = float(np.corrcoef(*logs)[0, 1])
         if alike > likeness:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from raycheck.base import data, pictures
 from raycheck.base.data import PACKAGE
 from raycheck.base.errors import NotFound
+from raycheck.base.files import write_whole
 from raycheck.base.images import Image
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.seeds import make_seeds
@@ -138,9 +139,7 @@ def write_report(
     )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "index.html"
-    partial = folder / ".index.html.part"
-    partial.write_text(page, encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, page)
     return path
 
 

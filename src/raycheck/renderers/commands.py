@@ -1,19 +1,19 @@
 """What makes images: a command, a Python callable, or files that are already there."""
 
-import contextlib
 import os
 import shlex
-import signal
 import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from raycheck.base.errors import ImageError, NotFound, RenderError, RenderTimeout
 from raycheck.base.images import load_image
+from raycheck.base.processes import end, signal_name
+from raycheck.base.text import last_words
 from raycheck.renderers.renderer import Rendering
 
 
@@ -38,6 +38,13 @@ class TakesPlaceholders:
     def takes(self, *placeholders: str) -> bool:
         """Any of them?"""
         return any(placeholder in word for word in self.words for placeholder in placeholders)
+
+    def filled(self, values: Mapping[str, str]) -> list[str]:
+        """The words, with values for the placeholders."""
+        found = list(self.words)
+        for placeholder, value in values.items():
+            found = [word.replace(placeholder, value) for word in found]
+        return found
 
     @property
     def takes_spp(self) -> bool:
@@ -74,7 +81,7 @@ class Command(TakesPlaceholders):
     def arguments(self, scene: Path, output: Path, spp: int, seed: int) -> list[str]:
         """The words of one run."""
         values = {"{output}": str(output), "{scene}": str(scene), "{spp}": str(spp), "{seed}": str(seed)}
-        return [_fill(word, values) for word in self.words]
+        return self.filled(values)
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         with tempfile.TemporaryDirectory(prefix="raycheck-", ignore_cleanup_errors=True) as folder:
@@ -87,12 +94,6 @@ class Command(TakesPlaceholders):
                 return Rendering(load_image(_written(Path(folder), output)), seconds)
             except ImageError as error:
                 raise RenderError(str(error).replace(folder + os.sep, "")) from None
-
-
-def _fill(word: str, values: dict[str, str]) -> str:
-    for placeholder, value in values.items():
-        word = word.replace(placeholder, value)
-    return word
 
 
 def _written(folder: Path, output: Path) -> Path:
@@ -117,48 +118,31 @@ def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
             raise NotFound(f"{words[0]}: cannot be started: {error.strerror or error}") from None
         late = threading.Event()
 
-        def end() -> None:
+        def end_late() -> None:
             late.set()
-            _kill(process)
+            end(process)
 
-        timer = threading.Timer(timeout, end)  # wait(timeout) polls: up to 50 ms more for each short render
+        timer = threading.Timer(
+            timeout, end_late
+        )  # wait(timeout) polls: up to 50 ms more for each short render
         timer.start()
         try:
             status = process.wait()
         except BaseException:
-            _kill(process)
+            end(process)
             raise
         finally:
             timer.cancel()
     if late.is_set():
         raise RenderTimeout(f"no image after {timeout:.0f} s{_last_lines(messages)}")
     if status < 0:
-        raise RenderError(f"ended by signal {_signal_name(-status)}{_last_lines(messages)}")
+        raise RenderError(f"ended by signal {signal_name(-status)}{_last_lines(messages)}")
     if status:
         raise RenderError(f"exit status {status}{_last_lines(messages)}")
 
 
-def _kill(process: subprocess.Popen) -> None:
-    """End a renderer and whatever it started."""
-    if process.poll() is not None:
-        return
-    with contextlib.suppress(ProcessLookupError):  # it may end just now
-        if os.name == "posix":
-            os.killpg(process.pid, signal.SIGKILL)  # it leads a group of its own
-        else:
-            process.kill()
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return str(number)
-
-
-def _last_lines(messages: Path, count: int = 3) -> str:
+def _last_lines(messages: Path) -> str:
     """The last lines on standard error, as the end of a sentence."""
     with messages.open("rb") as file:
         file.seek(max(0, messages.stat().st_size - 4000))
-        lines = [line for line in file.read().decode(errors="replace").splitlines() if line.strip()]
-    return "; it said: " + " | ".join(line.strip()[:300] for line in lines[-count:]) if lines else ""
+        return last_words(file.read().decode(errors="replace"))

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from raycheck.base.errors import Lost, NotFound, RenderError
 from raycheck.base.machine import cores
-from raycheck.base.processes import kill_tree, running
+from raycheck.base.processes import end, running
 
 ATTEMPTS = 4
 
@@ -53,7 +53,7 @@ class Here:
                 ending.start()
                 while ending.is_alive():
                     for process in list(running):
-                        kill_tree(process)
+                        end(process)
                     ending.join(0.05)
                 raise
 

@@ -68,6 +68,29 @@ def quad_tree(
     return divide(root, 0, 0)[0]
 
 
+def grid(height: int, width: int, side: int = SMALLEST) -> list[Tile]:
+    """Squares of `side` pixels, row by row, cut off at the rim."""
+    return [
+        Tile(row, column, min(side, height - row), min(side, width - column))
+        for row in range(0, height, side)
+        for column in range(0, width, side)
+    ]
+
+
+def tile_sums(images: Array, side: int) -> tuple[Array, Array]:
+    """Sums (…, rows, cols, 3) of images (…, H, W, 3) over the squares of `grid`, and their sizes."""
+    height, width = images.shape[-3:-1]
+    rows, cols = np.arange(0, height, side), np.arange(0, width, side)
+    sums = np.add.reduceat(np.add.reduceat(images, rows, axis=-3), cols, axis=-2)
+    return sums, np.outer(np.diff(np.append(rows, height)), np.diff(np.append(cols, width)))
+
+
+def tile_means(images: Array, side: int) -> Array:
+    """Means (…, rows, cols, 3) of images (…, H, W, 3) over the squares of `grid`."""
+    sums, pixels = tile_sums(images, side)
+    return sums / pixels[..., None]
+
+
 def region_means(images: NDArray[np.floating], regions: list[Tile]) -> Array:
     """Means of images (…, H, W, 3) over each region: (…, len(regions), 3), summed in double.
 

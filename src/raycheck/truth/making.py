@@ -20,6 +20,7 @@ from raycheck.base.seeds import reference_seed
 from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import BEST, technique
+from raycheck.stats.tiles import SMALLEST, tile_means, tile_sums
 from raycheck.truth import references
 
 Array = NDArray[np.float64]
@@ -86,15 +87,6 @@ class Pilot:
     spent: float
 
 
-def tile_means(images: Array, size: int) -> Array:
-    """Means (…, rows, cols, 3) of images (…, H, W, 3) over squares of `size` pixels, cut off at the rim."""
-    height, width = images.shape[-3:-1]
-    rows, cols = np.arange(0, height, size), np.arange(0, width, size)
-    sums = np.add.reduceat(np.add.reduceat(images, rows, axis=-3), cols, axis=-2)
-    pixels = np.outer(np.diff(np.append(rows, height)), np.diff(np.append(cols, width)))
-    return sums / pixels[..., None]
-
-
 def skewness_tables(images: Array, spp: int) -> dict[int, list[list[list[float | None]]]]:
     """Skewness of tile means at one sample per pixel, for tiles of 8, 16, … pixels up to the whole image.
 
@@ -119,7 +111,7 @@ def skewness_tables(images: Array, spp: int) -> dict[int, list[list[list[float |
 def samples_needed(images: Array, spp: int, goal: Goal, checked: bool) -> int:
     """Samples per pixel that reach the goal, from images (B, H, W, 3) of `spp` samples each."""
     image = images.mean(axis=(1, 2))
-    tiles = tile_means(images, 8)
+    tiles = tile_means(images, SMALLEST)
     floor = np.maximum(np.abs(tiles.mean(axis=0)), np.abs(image.mean(axis=0)) / 10)
     with np.errstate(invalid="ignore", divide="ignore"):
         image_error = np.nan_to_num(image.std(axis=0) / image.mean(axis=0)).max()
@@ -218,10 +210,10 @@ def relative_errors(mean: Array, variance_of_mean: Array) -> tuple[float, float]
     """
     pixels = mean.shape[0] * mean.shape[1]
     image = mean.mean(axis=(0, 1))
-    rows, cols = (np.arange(0, n, 8) for n in mean.shape[:2])
-    sums = np.add.reduceat(np.add.reduceat(variance_of_mean, rows, axis=0), cols, axis=1)
-    sizes = np.outer(np.diff(np.append(rows, mean.shape[0])), np.diff(np.append(cols, mean.shape[1])))
-    tile = np.sqrt(sums) / sizes[..., None] / np.maximum(np.abs(tile_means(mean, 8)), np.abs(image) / 10)
+    sums, sizes = tile_sums(variance_of_mean, SMALLEST)
+    tile = (
+        np.sqrt(sums) / sizes[..., None] / np.maximum(np.abs(tile_means(mean, SMALLEST)), np.abs(image) / 10)
+    )
     return (
         float((np.sqrt(variance_of_mean.sum(axis=(0, 1))) / pixels / image).max()),
         float(np.quantile(tile.max(axis=-1), 0.9)),

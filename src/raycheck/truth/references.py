@@ -8,7 +8,6 @@ is refused.
 """
 
 import functools
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from raycheck.base import data
 from raycheck.base.errors import ReferenceError_
+from raycheck.base.files import whole
 from raycheck.scene.variants import Variant, ladder, scene_hash, variant
 from raycheck.truth.closed_forms import forms, store
 from raycheck.truth.manifest import dump_manifest, read_manifest
@@ -167,8 +167,8 @@ def write_reference(of: Variant, mean: Array, variance_of_mean: Array, entry: Ma
     folder.mkdir(parents=True, exist_ok=True)
     pixels = np.ascontiguousarray(np.concatenate([mean, variance_of_mean], axis=-1), dtype=np.float32)
     path = folder / f"{label}.exr"
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as scratch:
-        image = Path(scratch) / "image.exr"
+    listing = folder / "manifest.json"
+    with whole(listing) as manifest, whole(path) as image:  # the manifest takes its place last
         spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
         spec.channelnames = CHANNELS
         spec.attribute("compression", "zip")
@@ -180,9 +180,6 @@ def write_reference(of: Variant, mean: Array, variance_of_mean: Array, entry: Ma
             or not file.close()
         ):
             raise OSError(f"{path}: {file.geterror() if file else oiio.geterror()}")
-        listing = Path(scratch) / "manifest.json"
-        manifest = dict(sorted({**read_manifest(folder), label: dict(entry)}.items()))
-        listing.write_text(dump_manifest(manifest))
-        image.replace(path)
-        listing.replace(folder / "manifest.json")
+        entries = dict(sorted({**read_manifest(folder), label: dict(entry)}.items()))
+        manifest.write_text(dump_manifest(entries))
     return path

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from raycheck.base.errors import NotFound
-from raycheck.base.processes import tree
+from raycheck.base.processes import end, signal_name, tree
+from raycheck.base.text import last_words
 from raycheck.grading.jail import confine
 from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
@@ -46,21 +47,13 @@ class Finished:
     @property
     def problem(self) -> str:
         """What went wrong, in a sentence; empty if nothing did."""
-        lines = [line.strip()[:300] for line in self.said.splitlines() if line.strip()]
-        said = "; it said: " + " | ".join(lines[-3:]) if lines else ""
+        said = last_words(self.said)
         if self.killed:
             return self.killed + said
         if self.status < 0 or self.status > 128:
             number = -self.status if self.status < 0 else self.status - 128
-            return f"ended by signal {_signal_name(number)}{said}"
+            return f"ended by signal {signal_name(number)}{said}"
         return f"exit status {self.status}{said}" if self.status else ""
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return str(number)
 
 
 @dataclass(frozen=True)
@@ -215,10 +208,7 @@ def _kill(process: Process) -> None:
         process.terminate()
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(END_SECONDS)
-            return
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.kill()
+    end(process)
     process.wait()
 
 

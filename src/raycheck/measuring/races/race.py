@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from raycheck.base.errors import NotFound, RenderError
+from raycheck.base.files import whole, write_whole
 from raycheck.base.images import Image
 from raycheck.base.seeds import make_seeds
 from raycheck.judging import checks
@@ -60,9 +61,8 @@ class Shelf:
             with np.load(path) as kept:
                 return Shot(kept["image"].astype(np.float64), float(kept["seconds"]))
         made = render()
-        partial = path.with_name(f".{path.name}.part.npz")
-        np.savez(partial, image=made.image.astype(np.float32), seconds=made.seconds)
-        partial.replace(path)
+        with whole(path) as partial:
+            np.savez(partial, image=made.image.astype(np.float32), seconds=made.seconds)
         return Shot(made.image.astype(np.float32).astype(np.float64), made.seconds)
 
     def note(self, name: str, make: Callable[[], object]) -> object:
@@ -71,9 +71,7 @@ class Shelf:
         if path.is_file():
             return json.loads(path.read_text())
         value = make()
-        partial = path.with_suffix(".part")
-        partial.write_text(json.dumps(value))
-        partial.replace(path)
+        write_whole(path, json.dumps(value))
         return value
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raycheck.base.errors import RenderError
+from raycheck.base.files import whole, write_whole
 from raycheck.judging.agenda import standard_technique
 from raycheck.measuring.contestants import Contestant
 from raycheck.measuring.races.curves import Curve, SceneCurves, Shown, from_dict
@@ -164,12 +165,9 @@ def _shown(key: str, curve: Curve, spp: int, seed: int, image: Array, reference:
 
 def _keep(folder: Path, found: SceneCurves, pictures: Mapping[str, Array], key: str) -> None:
     """Figures and pictures of a finished scene, each written as a whole; the figures last."""
-    partial = folder / f".{found.scene}.part.npz"
-    np.savez_compressed(partial, **{name: image.astype(np.float32) for name, image in pictures.items()})
-    partial.replace(folder / f"{found.scene}.npz")
-    text = folder / f".{found.scene}.json.part"
-    text.write_text(json.dumps({"key": key} | asdict(found)), encoding="utf-8")
-    text.replace(folder / f"{found.scene}.json")
+    with whole(folder / f"{found.scene}.npz") as partial:
+        np.savez_compressed(partial, **{name: image.astype(np.float32) for name, image in pictures.items()})
+    write_whole(folder / f"{found.scene}.json", json.dumps({"key": key} | asdict(found)))
 
 
 def _read_kept(folder: Path, label: str, key: str) -> tuple[SceneCurves, dict[str, Array]] | None:

@@ -6,7 +6,6 @@ parameters and the version of the formulas. Where any of them has changed it is 
 """
 
 import hashlib
-import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck.base.files import whole
 from raycheck.truth.closed_forms import forms
 
 Array = NDArray[np.float64]
@@ -45,8 +45,6 @@ def keep(file: Path, scene_hash: str, scene: Path, parameters: Mapping[str, str]
         file.unlink(missing_ok=True)
         return False
     file.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=file.parent) as scratch:
-        partial = Path(scratch) / file.name
+    with whole(file) as partial:
         np.savez_compressed(partial, image=image, digest=np.array(digest(scene_hash)))
-        partial.replace(file)
     return True
