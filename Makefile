@@ -156,6 +156,7 @@ test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
 	+$(ALL)
 	$(call VERIFY,45)
 	$(PYTHON) -m ruff check src scripts tests
+	$(PYTHON) -m mypy
 	$(PYTHON) -m pytest -n 2 --dist loadfile
 
 references: $(BUILD)/.system-test $(VENV)/.test

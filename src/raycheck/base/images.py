@@ -7,7 +7,7 @@ Pixels are (H, W, 3) float64, row 0 at the top, linear radiance. How the file st
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,7 +141,7 @@ def _channels(names: list[str], prefix: str) -> list[int] | None:
     return None
 
 
-def _precision(spec: object, kind: str, colour: list[int]) -> Precision:
+def _precision(spec: Any, kind: str, colour: list[int]) -> Precision:
     if kind == "hdr":
         return "rgbe"
     formats = list(spec.channelformats) or [spec.format] * spec.nchannels
@@ -194,7 +194,7 @@ def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
     _write(path, spec, pixels)
 
 
-def _write(path: Path, spec: object, data: NDArray) -> None:
+def _write(path: Path, spec: Any, data: NDArray[Any]) -> None:
     import OpenImageIO as oiio
 
     writer = oiio.ImageOutput.create(str(path))

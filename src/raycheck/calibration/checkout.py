@@ -3,6 +3,7 @@
 import platform
 from dataclasses import dataclass
 
+from raycheck.base.data import ROOT
 from raycheck.base.errors import NotFound
 from raycheck.calibration import mutants
 from raycheck.renderers import builds
@@ -26,7 +27,7 @@ def require(wanted: Checkout) -> None:
     builds.require(wanted)
     if _sources() != wanted.sources:
         raise NotFound(
-            f"{mutants.ROOT} on {platform.node()} has other sources of oneray, or its processor lacks AVX2 "
+            f"{ROOT} on {platform.node()} has other sources of oneray, or its processor lacks AVX2 "
             "where another has it: calibrations need the same checkout on machines of one kind"
         )
 

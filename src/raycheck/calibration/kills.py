@@ -64,7 +64,7 @@ def judge_mutant(mutant: Mutant, program: Path, correct: Path, truth: Truth) -> 
         return Kill(mutant.name, kind(mutant), strength, effect, rejected, reason, program.parent.name)
 
     trial = trials.try_program(trials.Program(program, mutant.shows), mutant.scene, truth, SPP)
-    if trial.images is None:
+    if trial.images is None or trial.pilot_images is None:
         return [kill(1.0, None, dict.fromkeys(rivals.NAMES, True), trial.reason)]
     right = _images(correct, mutant.scene, mutant.shows, tuple(trial.requests))
     pilot, images = right[1 : 1 + PILOT_IMAGES], right[1 + PILOT_IMAGES :]

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,8 +77,9 @@ def mitsuba_render(configuration: Configuration) -> Render:
 
     mitsuba.set_variant("scalar_rgb")
     scene = mitsuba.load_file(str(variants.scene_path(configuration.scene)))
+    render: Any = mitsuba.render
     return lambda seeds: np.stack(
-        [np.array(mitsuba.render(scene, spp=SPP, seed=seed), dtype=np.float64) for seed in seeds]
+        [np.array(render(scene, spp=SPP, seed=seed), dtype=np.float64) for seed in seeds]
     )
 
 
@@ -107,7 +109,7 @@ class Judged:
     """One verdict on a correct renderer."""
 
     outcome: Outcome
-    p: Counter
+    p: Counter[str]
     """From "image", "tile" or "omnibus" and a level to how many p-values were below it, and to how many there
     were: of single sets, two-sided, without any allowance.
     """
@@ -122,11 +124,11 @@ def judge_null(images: Array, pilot_images: Array, truth: Truth) -> Judged:
     return Judged(outcome, _p_values(sets.first, sets.second, sets.expected), _injected(sets))
 
 
-def _p_values(first: Array, second: Array, expected: Expected) -> Counter:
-    counts: Counter = Counter()
+def _p_values(first: Array, second: Array, expected: Expected) -> Counter[str]:
+    counts: Counter[str] = Counter()
     zero = np.zeros_like(expected.mean)
-    found = [st.moments(r, expected.variance, expected.batches) for r in (first, second)]
-    for residuals, own, other in ((first, *found), (second, *found[::-1])):
+    one, two = (st.moments(r, expected.variance, expected.batches) for r in (first, second))
+    for residuals, own, other in ((first, one, two), (second, two, one)):
         p = np.minimum(1.0, 2 * np.minimum(*st.one_sided_p(own, zero)))
         varies = ~own.exact & (np.ptp(residuals, axis=0) > 0)
         families = {"image": p[0][varies[0]], "tile": p[1:][varies[1:]]}
@@ -165,8 +167,8 @@ def _injected(sets: trials.Sets) -> dict[str, list[bool]]:
 def _notices(sets: trials.Sets, at: tuple[int, int], bias: Array) -> bool:
     """Does the one test of this region and channel FAIL with this bias?"""
     noise = (sets.expected.variance, sets.expected.batches, sets.expected.batch_variance)
-    found = [st.moments(residuals + bias, *noise) for residuals in (sets.first, sets.second)]
-    p = st.two_set_p(*found, sets.expected.allowance)
+    one, two = (st.moments(residuals + bias, *noise) for residuals in (sets.first, sets.second))
+    p = st.two_set_p(one, two, sets.expected.allowance)
     return bool(p[at] <= sets.levels()[at])
 
 
@@ -236,7 +238,7 @@ def measure_nulls(
 def summary(file: Path) -> dict[str, object]:
     """False alarms, p-values and powers of all sets in the file."""
     sets = sorted(read_lines(file), key=lambda line: (line["configuration"], line["index"]))
-    p: Counter = Counter()
+    p: Counter[str] = Counter()
     for line in sets:
         p.update(line["p"])
     table = {}

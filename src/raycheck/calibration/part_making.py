@@ -86,7 +86,7 @@ def surfaces(root: Element) -> list[Surface]:
     above: list[str] = []
     number = 0
     for child in root:
-        if child.tag is ElementTree.Comment:
+        if not isinstance(child.tag, str):  # a comment
             above = _names_in(child.text or "")
         elif child.tag != "shape":
             above = []
@@ -197,7 +197,7 @@ def make(of: Variant) -> Parts:
         for light in range(len(lights)):
             lit = with_light(root, light if len(lights) > 1 else None)
             for batch, seed in enumerate(seeds):
-                shorter = 0.0
+                shorter = np.zeros(())
                 for index, length in enumerate(lengths):
                     image = maker.render(with_length(lit, length), SPP, seed)
                     shown = np.stack([mask[..., None] * (image - shorter) for mask in [*masks, rest]])
@@ -210,15 +210,16 @@ def make(of: Variant) -> Parts:
 
 
 def _variance(parts: Array) -> Array:
-    return parts.var(axis=0, ddof=1) / len(parts)
+    result: Array = parts.var(axis=0, ddof=1) / len(parts)
+    return result
 
 
 def _without_empty(found: Parts) -> Parts:
     """Path lengths and surfaces that show nothing are left out."""
     least = NOTHING * found.image.sum()
-    lengths = np.flatnonzero(found.image.sum(axis=(0, 2, 3, 4)) > least)
-    shown = np.flatnonzero(found.image.sum(axis=(0, 1, 3, 4)) > least)
-    at = np.ix_(range(len(found.lights)), lengths, shown)
+    lengths = np.flatnonzero(found.image.sum(axis=(0, 2, 3, 4)) > least).tolist()
+    shown = np.flatnonzero(found.image.sum(axis=(0, 1, 3, 4)) > least).tolist()
+    at = np.ix_(list(range(len(found.lights))), lengths, shown)
     return Parts(
         found.lights, [found.lengths[i] for i in lengths], [found.surfaces[i] for i in shown],
         found.image[at], found.variance[at],

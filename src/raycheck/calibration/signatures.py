@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +124,7 @@ def _correct_means(scene: str, name: str, seeds: Sequence[int], work: Path) -> t
         return arrays["first"], arrays["right"]
 
 
-def _save(path: Path, **arrays: Array) -> None:
+def _save(path: Path, **arrays: Any) -> None:
     with whole(path) as partial:
         np.savez_compressed(partial, **arrays)
 

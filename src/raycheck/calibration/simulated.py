@@ -6,6 +6,7 @@ Nothing is jailed: the program is ours. One process renders all pictures of a sc
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Simulated(Taken):
         settings = [f"-D{name}={value}" for name, value in self.of.parameters.items()]
         words = [str(self.program.with_name("many-seeds")), str(self.of.path), "-o", "none.exr", "--quiet",
                  *technique(self.technique).options, *OPTIONS, *settings]  # fmt: skip
-        self.process = subprocess.Popen(
+        self.process: Any = subprocess.Popen(
             ["stdbuf", "-o0", *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
         )
         return self
@@ -59,7 +60,7 @@ class Simulated(Taken):
 
     def seconds(self, spp: int) -> float:
         """That a picture takes the student's program."""
-        return START_SECONDS + spp * self.shape[0] * self.shape[1] / self.paths_per_second
+        return float(START_SECONDS + spp * self.shape[0] * self.shape[1] / self.paths_per_second)
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         """`scene` is of no interest: the process has read it."""
@@ -72,7 +73,7 @@ class Simulated(Taken):
         try:
             self.process.stdin.write(f"{spp} {seed}\n".encode())
             self.process.stdin.flush()
-            data = self.process.stdout.read(4 * count)
+            data: bytes = self.process.stdout.read(4 * count)
         except BrokenPipeError:
             data = b""
         if len(data) < 4 * count:

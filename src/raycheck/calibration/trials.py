@@ -71,8 +71,8 @@ class Sets:
     def detectable(self) -> Array:
         """(R, 3) smallest bias that FAILs with 90 % power, in the units of the image."""
         noise = (self.expected.variance, self.expected.batches, self.expected.batch_variance)
-        sets = [st.moments(residuals, *noise) for residuals in (self.first, self.second)]
-        return st.detectable_bias(*sets, self.levels(), self.expected.allowance)
+        one, two = (st.moments(residuals, *noise) for residuals in (self.first, self.second))
+        return st.detectable_bias(one, two, self.levels(), self.expected.allowance)
 
     def levels(self) -> Array:
         """(R, 3) two-sided level of each test over both sets."""

@@ -69,10 +69,11 @@ def run_nulls(
 def mde(work: Folder = WORK, json_file: Result = None) -> None:
     """The printed detectable bias, injected at 0.5, 1 and 2 times into the images of `nulls`."""
     from raycheck.calibration import nulls
+    from raycheck.calibration.lines import read_lines
 
     with plain_errors():
         file = work / "nulls.jsonl"
-        if not nulls.read_lines(file):
+        if not read_lines(file):
             raise NotFound(f"{file}: there are no images yet; run raycheck calibrate nulls first")
         _put("mde", nulls.summary(file)["power"], json_file)
 

@@ -108,13 +108,11 @@ def grade(
             raise NotFound("grade needs either a SUBMISSION or --class DIR")
         asked = read_assignment(assignment)
         names = tables.read_roster(roster) if roster else []
-        found = (
-            course.entries(class_folder, names)
-            if class_folder
-            else [course.Entry(student or submission.resolve().name.split(".")[0], submission)]
-        )
-        if submission is not None and not submission.exists():
-            raise NotFound(f"{submission}: there is no such file or folder")
+        found = course.entries(class_folder, names) if class_folder else []
+        if submission is not None:
+            found = [course.Entry(student or submission.resolve().name.split(".")[0], submission)]
+            if not submission.exists():
+                raise NotFound(f"{submission}: there is no such file or folder")
         students = {entry.student for entry in found}
         by_hand = tables.read_overrides(overrides, asked, students) if overrides else {}
         pool = pools.chosen(jobs, dask)

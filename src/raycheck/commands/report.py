@@ -56,7 +56,7 @@ def report(
         check_inputs(verification, benchmark, stability)
         if seconds > 0:
             field = _Field(against is not None, named_commands(renderer or ()), technique or ())
-            races = _races(wanted, field, seconds, minutes, rounds, core, output)
+            races: Races | None = _races(wanted, field, seconds, minutes, rounds, core, output)
         else:
             races = kept_races(curves)
         with progress_bar("verifying") as on_case:

@@ -62,7 +62,7 @@ def _show_prices(result: list[prices.ScenePrices]) -> None:
         console.print()
     priced = {each.technique for one in result for each in one.prices}
     legend = Table(box=None, pad_edge=False, show_header=False)
-    for each in TECHNIQUES:
-        if each.name in priced:
-            legend.add_row(each.name, each.summary)
+    for known in TECHNIQUES:
+        if known.name in priced:
+            legend.add_row(known.name, known.summary)
     console.print(legend)

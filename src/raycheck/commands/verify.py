@@ -54,7 +54,8 @@ def verify(
             raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
         if resume and json_file is None:
             raise NotFound("--resume goes on with the run in --json FILE: name it")
-        kept = Verification.read(json_file).cases if resume and json_file.is_file() else []
+        going_on = resume and json_file is not None and json_file.is_file()
+        kept = Verification.read(json_file).cases if going_on and json_file else []
         result = run_verification(
             renderer, scenes or (), parameters=parse_settings(settings), techniques=technique or (),
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
@@ -115,16 +116,13 @@ def _judged_against(cases: list[Case]) -> str:
 
 
 def _row(case: Case) -> list[str]:
-    if case.bias is None:
-        return ["", "", "", "", str(case.spp or ""), f"{case.seconds:.1f}"]
-    return [
-        signed(case.bias),
-        f"{signed(case.bias_low)} … {signed(case.bias_high)}",
-        percent(case.mde_image),
-        percent(case.mde_tile_p90),
-        str(case.spp or ""),
-        f"{case.seconds:.1f}",
-    ]
+    last = [str(case.spp or ""), f"{case.seconds:.1f}"]
+    figures = (case.bias, case.bias_low, case.bias_high, case.mde_image, case.mde_tile_p90)
+    known = [figure for figure in figures if figure is not None]
+    if len(known) < len(figures):
+        return ["", "", "", "", *last]
+    bias, low, high, image, tiles = known
+    return [signed(bias), f"{signed(low)} … {signed(high)}", percent(image), percent(tiles), *last]
 
 
 def _saving(

@@ -117,7 +117,8 @@ def read_assignment(path: Path) -> Assignment:
         raise NotFound(f"{path}: two tasks have the id {doubled!r}")
     assignment = _table(Assignment, found, str(path), path=path, tasks=tasks, limits=limits)
     _check(assignment)
-    return assignment
+    result: Assignment = assignment
+    return result
 
 
 def _limits(limits: Limits, where: str) -> Limits:
@@ -145,7 +146,8 @@ def _task(table: Mapping[str, Any], where: str) -> Task:
             raise NotFound(f"{where}: {key.replace('points', 'limit')} is wanted to be more than 0")
         if key in table and not task.technique:
             raise NotFound(f"{where}: {key} need the technique of oneray to compare with")
-    return task
+    result: Task = task
+    return result
 
 
 def _table(kind: type, table: Mapping[str, Any], where: str, **given: Any) -> Any:
@@ -168,7 +170,7 @@ _KINDS = {
 
 
 def _value(value: Any, kind: Any, where: str) -> Any:
-    accepted = _KINDS[kind]
+    accepted: tuple[Any, ...] = _KINDS[kind]
     if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in accepted):
         wanted = "a list of strings" if accepted[0] is list else getattr(kind, "__name__", kind)
         raise NotFound(f"{where} is {value!r}, {wanted} is wanted")

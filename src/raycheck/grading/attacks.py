@@ -128,9 +128,9 @@ def hostile_archives(folder: Path) -> dict[str, str]:
         archive.writestr(info, "/etc/passwd")
     for name, kind in (("tar-link.tar", tarfile.SYMTYPE), ("tar-device.tar", tarfile.CHRTYPE)):
         with tarfile.open(folder / name, "w") as archive:
-            info = tarfile.TarInfo("raycheck.toml")
-            info.type, info.linkname = kind, "/etc/passwd"
-            archive.addfile(info)
+            member = tarfile.TarInfo("raycheck.toml")
+            member.type, member.linkname = kind, "/etc/passwd"
+            archive.addfile(member)
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
         archive.writestr("raycheck.toml", 'run = "x {output}"')

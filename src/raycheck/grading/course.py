@@ -88,7 +88,7 @@ def folder_name(student: str) -> str:
 
 
 @dataclass(frozen=True)
-class _Pieces(Sequence):
+class _Pieces(Sequence[Any]):
     """Of `piece.grade`, one for each submission; made when it is asked for."""
 
     grader: Grader
@@ -105,7 +105,7 @@ class _Pieces(Sequence):
     def __len__(self) -> int:
         return len(self.entries)
 
-    def __getitem__(self, index: int) -> tuple[Any, ...]:
+    def __getitem__(self, index: Any) -> Any:
         entry = self.entries[index]
         handed, slot = submission.pack(content(entry.path)), GRADING + index
         return self._assignment, handed, entry.student, slot, self.grader.tier, self._build

@@ -288,7 +288,7 @@ class Grader:
                 continue
         return None
 
-    def _many_samples(self, spp: int, of: Variant, program: Program, purpose: str) -> str | None:
+    def _many_samples(self, spp: int, of: Variant, program: Tried, purpose: str) -> str | None:
         """What is wrong with four times the samples: they show the same picture with a quarter of the noise.
         No program knows these seeds.
         """
@@ -352,8 +352,9 @@ def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant
 
 def _scene_result(name: str, hidden: bool, case: Case, looks: int) -> SceneResult:
     figures = (case.bias, case.bias_low, case.bias_high, case.mde_image, case.more_samples)
+    bias, low, high, mde, more = map(_finite, figures)
     reason = case.reason.removesuffix(OPTION)
-    return SceneResult(name, hidden, case.verdict, reason, *map(_finite, figures), case.spp, looks)
+    return SceneResult(name, hidden, case.verdict, reason, bias, low, high, mde, more, case.spp, looks)
 
 
 def _finite(value: float | None) -> float | None:

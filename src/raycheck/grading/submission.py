@@ -11,10 +11,11 @@ import stat
 import tarfile
 import tomllib
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import IO
+from typing import IO, Any
 
 MANIFEST = "raycheck.toml"
 PICTURES = "pictures"
@@ -168,7 +169,7 @@ def _in_zip(archive: zipfile.ZipFile) -> Iterator[_Entry]:
         if stat.S_ISLNK(mode):
             raise SubmissionError(f"{info.filename} is a link: hand in the file itself")
         if not info.is_dir():
-            with _reading(lambda info=info: archive.open(info), info.filename) as opened:
+            with _reading(partial(archive.open, info), info.filename) as opened:
                 yield _Entry(info.filename, info.file_size, bool(mode & 0o100), opened)
 
 
@@ -177,13 +178,14 @@ def _in_tar(archive: tarfile.TarFile) -> Iterator[_Entry]:
         if not info.isdir() and not info.isfile():
             raise SubmissionError(f"{info.name} is a link or a device: hand in plain files")
         if info.isfile():
-            with _reading(lambda info=info: archive.extractfile(info), info.name) as opened:
+            with _reading(partial(archive.extractfile, info), info.name) as opened:
                 yield _Entry(info.name, info.size, bool(info.mode & 0o100), opened)
 
 
-def _reading(opener, name: str) -> IO[bytes]:
+def _reading(opener: Callable[[], Any], name: str) -> IO[bytes]:
     try:
-        return opener()
+        opened: IO[bytes] = opener()
+        return opened
     except Exception as error:
         raise SubmissionError(f"{name} cannot be unpacked: {error}") from None
 

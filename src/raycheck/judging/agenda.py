@@ -116,14 +116,15 @@ def renderer_agenda(
     """Another renderer on each scene. A scene with other parameters is written into `folder` as a file whose
     defaults they are. `explicit`: the user named the scenes.
     """
+    chosen: Renderer
     if isinstance(renderer, str):
-        renderer = commands.Command.parse(renderer)
-    elif not hasattr(renderer, "render"):
-        renderer = Function(renderer)
-    if not renderer.takes_scene and (len(scenes) != 1 or not explicit):
+        chosen = commands.Command.parse(renderer)
+    else:
+        chosen = renderer if isinstance(renderer, Renderer) else Function(renderer)
+    if not chosen.takes_scene and (len(scenes) != 1 or not explicit):
         raise NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
     paths = [write_variant(of, folder) if of.parameters else of.path for of in scenes]
-    tasks = [Task(of, "renderer", renderer, path) for of, path in zip(scenes, paths, strict=True)]
+    tasks = [Task(of, "renderer", chosen, path) for of, path in zip(scenes, paths, strict=True)]
     return Agenda(tasks)
 
 

@@ -6,6 +6,7 @@ is wrong.
 
 import hashlib
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ def digest(image: Image) -> str:
     return hashlib.sha256(np.ascontiguousarray(image.pixels).tobytes()).hexdigest()
 
 
-def seed_problem(digests: list[str], labels: list[str], reference_varies: bool) -> str | None:
+def seed_problem(digests: Sequence[str], labels: Sequence[str], reference_varies: bool) -> str | None:
     """Images of different seeds that are the same, where a Monte Carlo estimate has to vary."""
     if not reference_varies or len(digests) < 2 or len(set(digests)) == len(digests):
         return None
@@ -270,7 +271,9 @@ def _clamped(images: Array, reference: Array, reference_variance: Array) -> str 
     )
 
 
-def _encoded(images: Array, reference: Array, reference_variance: Array, explains) -> str | None:
+def _encoded(
+    images: Array, reference: Array, reference_variance: Array, explains: Callable[..., bool]
+) -> str | None:
     """sRGB or gamma 2.2 instead of linear values; judged where the reference is too dark to have been
     clipped.
     """

@@ -68,6 +68,7 @@ def compare(first: Path | str, second: Path | str, limits: Limits = Limits()) ->
 
 def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Comparison:
     difference = b.pixels - a.pixels
+    assert a.stderr is not None and b.stderr is not None
     variance = a.stderr**2 + b.stderr**2
     if not np.all(np.isfinite(variance)):
         reason = "the standard errors are not all finite (at least 2 samples per pixel are needed)"

@@ -18,6 +18,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,8 +92,8 @@ def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosi
     """The likeliest mistakes over all scenes together; `without` are left out of the catalogue."""
     mistakes = {name: m for name, m in catalogue().items() if name not in without}
     if any(one.scene not in complete_scenes() for one in found):
-        known = [set(load(one.scene).names) for one in found if one.scene not in complete_scenes()]
-        mistakes = {name: m for name, m in mistakes.items() if all(name in names for names in known)}
+        looked_for = [set(load(one.scene).names) for one in found if one.scene not in complete_scenes()]
+        mistakes = {name: m for name, m in mistakes.items() if all(name in names for names in looked_for)}
     names = list(mistakes)
     strengths = np.concatenate([[0.0], STRENGTHS])
     excess, unlikely = np.zeros((2, len(names), len(strengths)))
@@ -144,7 +145,7 @@ def _usual(guess: Guess) -> bool:
     """As strong as the mistake is. Any number explains an error that is a mere factor of some light: a
     mistake at another strength is then no explanation.
     """
-    return abs(np.log(guess.strength)) < USUAL
+    return bool(abs(np.log(guess.strength)) < USUAL)
 
 
 def _differs(one: Evidence) -> bool:
@@ -182,12 +183,13 @@ def folder() -> Path:
 
 
 @functools.lru_cache(maxsize=1)
-def manifest() -> Mapping:
+def manifest() -> Mapping[str, Any]:
     """Scenes and mistakes; ReferenceError_ where there are no signatures."""
     path = folder() / "manifest.json"
     if not path.is_file():
         raise ReferenceError_(f"{path} is missing; make it with: raycheck calibrate signatures")
-    return json.loads(path.read_text(encoding="utf-8"))
+    result: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return result
 
 
 def scenes() -> list[str]:

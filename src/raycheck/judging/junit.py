@@ -12,7 +12,7 @@ def junit_xml(result: Verification) -> str:
     suite.add_testcases([_test_case(case) for case in result.cases])
     xml = JUnitXml()
     xml.add_testsuite(suite)
-    return xml.tostring().decode("utf-8")
+    return str(xml.tostring().decode("utf-8"))
 
 
 def _test_case(case: Case) -> TestCase:

@@ -18,6 +18,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,7 @@ def folder() -> Path:
 
 
 @functools.lru_cache(maxsize=1)
-def manifest() -> Mapping:
+def manifest() -> Mapping[str, Any]:
     path = folder() / "manifest.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
@@ -168,7 +169,7 @@ class _Fit:
     @property
     def good(self) -> bool:
         """χ² is one of noise."""
-        return self.chi <= self.freedom + NOISE_ERRORS * np.sqrt(2 * self.freedom)
+        return bool(self.chi <= self.freedom + NOISE_ERRORS * np.sqrt(2 * self.freedom))
 
     @property
     def possible(self) -> bool:

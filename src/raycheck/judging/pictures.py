@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def judge_pictures(
     started = time.perf_counter()
     truth = truth_of(references.load_reference(of))
 
-    def case(verdict: Outcome, reason: str, **figures: object) -> Case:
+    def case(verdict: Outcome, reason: str, **figures: Any) -> Case:
         seconds, closed = time.perf_counter() - started, truth.closed_form
         return Case(
             of.label,

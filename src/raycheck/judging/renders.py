@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ Array = NDArray[np.float64]
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
     started = time.perf_counter()
 
-    def case(verdict: Outcome, reason: str, **figures: object) -> Case:
+    def case(verdict: Outcome, reason: str, **figures: Any) -> Case:
         seconds = time.perf_counter() - started
         closed = truth.closed_form
         return Case(

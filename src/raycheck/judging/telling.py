@@ -1,6 +1,7 @@
 """A judgement as the figures and the sentence of a case."""
 
 from collections.abc import Callable
+from typing import Any
 
 from raycheck.base.images import Image
 from raycheck.judging import diagnosis, sentences
@@ -38,7 +39,7 @@ def told(
     return found, sentence
 
 
-def figures(found: Judgement, regions: list[Tile]) -> dict[str, object]:
+def figures(found: Judgement, regions: list[Tile]) -> dict[str, Any]:
     return {
         "bias": found.bias,
         "bias_low": found.bias_low,

@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ class Verification:
     """All verdicts of a run, and what they were made with."""
 
     cases: list[Case]
-    header: dict[str, object] = field(default_factory=dict)
+    header: dict[str, Any] = field(default_factory=dict)
 
     @property
     def exit_status(self) -> int:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -130,11 +131,11 @@ def _second_look(case: Case, task: Task, truth: Truth, taken: range, settings: S
     """A thorough run does what an INCONCLUSIVE case says would decide, where it has the time: fresh samples,
     judged alone. Two looks double the chance of a wrong FAIL.
     """
-    planned = settings.thorough and settings.spp is None and case.spp
+    planned = case.spp if settings.thorough and settings.spp is None else None
     more = case.more_samples if case.verdict is Outcome.INCONCLUSIVE and case.looks == 1 else None
     if not (planned and more and case.seconds * more < THOROUGH_SECONDS):
         return case
-    found = judge_task(task, truth, taken, replace(settings, spp=math.ceil(case.spp * more), look=1))
+    found = judge_task(task, truth, taken, replace(settings, spp=math.ceil(planned * more), look=1))
     return replace(found, looks=2, fingerprint=case.fingerprint, seconds=found.seconds + case.seconds)
 
 
@@ -145,7 +146,7 @@ def _reference_seeds(reference: references.Reference) -> range:
 
 def _header(
     started: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int
-) -> dict[str, object]:
+) -> dict[str, Any]:
     spent = time.perf_counter() - started
     totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {

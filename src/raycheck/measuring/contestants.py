@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +161,7 @@ class Mitsuba:
             shutil.rmtree(self._scratch, ignore_errors=True)
         self._process = None
 
-    def _ask(self, order: Mapping[str, object]) -> dict:
+    def _ask(self, order: Mapping[str, object]) -> dict[str, Any]:
         assert self._process is not None and self._process.stdin is not None
         try:
             self._process.stdin.write(json.dumps(order) + "\n")
@@ -169,7 +169,7 @@ class Mitsuba:
             self._fail()
         return self._answer()
 
-    def _answer(self) -> dict:
+    def _answer(self) -> dict[str, Any]:
         process = self._process
         assert process is not None and process.stdout is not None
         late = threading.Event()
@@ -189,7 +189,8 @@ class Mitsuba:
             raise RenderTimeout(f"no picture after {TIMEOUT:.0f} s")
         if not line:
             self._fail()
-        return json.loads(line)
+        result: dict[str, Any] = json.loads(line)
+        return result
 
     def _fail(self) -> None:
         assert self._process is not None

@@ -19,6 +19,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ from raycheck.base.seeds import make_seeds
 from raycheck.base.text import rounded
 from raycheck.judging.agenda import Task, oneray_agenda
 from raycheck.measuring.step import Step
+from raycheck.renderers.commands import Command
 from raycheck.scene import variants
 from raycheck.scene.techniques import BASELINE, FALLBACK
 from raycheck.scene.variants import Variant
@@ -92,12 +94,14 @@ class ScenePrices:
 
 def sample_variance(stderr: Array, spp: int) -> Array:
     """(H, W) variance of one sample from the standard error (H, W, 3) of the mean of `spp`."""
-    return (stderr**2).mean(axis=2) * spp
+    result: Array = (stderr**2).mean(axis=2) * spp
+    return result
 
 
 def pair_variance(one: Array, other: Array, spp: int) -> Array:
     """(H, W) variance of the mean of `spp` samples, times these, from two independent images (H, W, 3)."""
-    return ((one - other) ** 2).mean(axis=2) / 2 * spp
+    result: Array = ((one - other) ** 2).mean(axis=2) / 2 * spp
+    return result
 
 
 def relative_error(variances: Array) -> float:
@@ -165,10 +169,11 @@ def measure(task: Task, spp: int, seed: int) -> Measurement:
     return Measurement(variance, seconds, stats["seconds"]["build"])
 
 
-def _render(task: Task, spp: int, seed: int) -> tuple[Image, dict]:
+def _render(task: Task, spp: int, seed: int) -> tuple[Image, dict[str, Any]]:
     """The picture and oneray's figures."""
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         output = Path(folder) / "out.exr"
+        assert isinstance(task.renderer, Command)
         words = [*task.renderer.arguments(task.path, output, spp, seed), "--stats", "-"]
         try:
             done = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -273,7 +278,7 @@ def read(path: Path) -> list[ScenePrices]:
     result = []
     for scene in json.loads(path.read_text(encoding="utf-8"))["scenes"]:
         prices = [
-            Price(**{k: spread(v) if k in SPREADS else v for k, v in one.items()})
+            Price(**{k: spread(v) if k in SPREADS else v for k, v in one.items()})  # type: ignore[arg-type]
             for one in scene["techniques"]
         ]
         result.append(

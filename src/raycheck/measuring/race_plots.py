@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -101,9 +102,9 @@ def _plot(scene: SceneCurves, metric: str, of: Callable[[Level], Band], floor: f
     shown = {name: points for name, points in shown.items() if points}
     if not shown:
         return Markup("")
-    axes = _axes(shown.values(), [floor] if floor > 0 else [])
+    axes = _axes(list(shown.values()), [floor] if floor > 0 else [])
     parts = axes.begin(_label(over), metric, f"{scene.scene}, {metric} over {over}: {', '.join(shown)}")
-    parts += [_guide(axes, shown.values()), _floor(axes, floor)]
+    parts += [_guide(axes, list(shown.values())), _floor(axes, floor)]
     chosen = colours(scene)
     for name in sorted(shown, key=lambda name: chosen.get(name, -1)):
         parts.append(_drawn(axes, name, shown[name], chosen.get(name), _spread(scene, name, over)))
@@ -339,16 +340,17 @@ def rgbe(image: Array) -> bytes:
     exponent = np.where(over, exponent + 1, exponent)
     mantissas = np.minimum(np.round(image * np.exp2(8.0 - exponent)[..., None]), 255)
     packed = np.concatenate([mantissas, (exponent + 128)[..., None]], axis=2)
-    return np.clip(packed, 0, 255).astype(np.uint8).tobytes()
+    result: bytes = np.clip(packed, 0, 255).astype(np.uint8).tobytes()
+    return result
 
 
-def viewer(scene: SceneCurves, images: Mapping[str, Array]) -> dict | None:
+def viewer(scene: SceneCurves, images: Mapping[str, Array]) -> dict[str, Any] | None:
     """What the viewer's script needs; None where there are no pictures."""
     if "reference" not in images or not scene.equal_samples:
         return None
     reference = images["reference"]
 
-    def packed(one: Shown) -> dict:
+    def packed(one: Shown) -> dict[str, Any]:
         return {
             "name": one.name,
             "pixels": base64.b64encode(rgbe(images[one.key])).decode(),

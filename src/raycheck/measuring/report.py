@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -56,11 +57,11 @@ class SceneSection:
     name: str
     about: str
     pictures: list[Picture]
-    cases: list[dict]
+    cases: list[dict[str, Any]]
     left_out: dict[str, list[str]]
     """Techniques without a case, by the reason."""
     reference: str
-    curves: dict | None = None
+    curves: dict[str, Any] | None = None
     """What curves.html shows."""
 
 
@@ -145,16 +146,15 @@ def write_report(
 
 def _verdicts(
     path: Path | None, on_case: Callable[[Case, int], None] | None, scenes: Sequence[Variant]
-) -> dict:
+) -> dict[str, Any]:
     if path is None:
         names = [of.label if of.canonical else of.path for of in scenes]
-        result: Verification = verify(None, names, on_case=on_case)
-        return json.loads(result.to_json())
-    found = Verification.read(path)
+        found = verify(None, names, on_case=on_case)
+    else:
+        found = Verification.read(path)
+    result: dict[str, Any] = json.loads(found.to_json())
     try:
-        return json.loads(found.to_json()) | {
-            key: found.header[key] for key in ("mode", "date", "machine", "totals")
-        }
+        return result | {key: found.header[key] for key in ("mode", "date", "machine", "totals")}
     except KeyError as error:
         raise NotFound(f"{path}: an unfinished result of raycheck verify --json (no {error})") from None
 
@@ -166,7 +166,7 @@ def template(name: str = "report.html") -> jinja2.Template:
     return environment.get_template(name)
 
 
-def _section(of: Variant, oneray: Path, cases: list[dict], races: Races | None) -> SceneSection:
+def _section(of: Variant, oneray: Path, cases: list[dict[str, Any]], races: Races | None) -> SceneSection:
     reference = references.load_reference(of)
     truth = truth_of(reference)
     raced = races.of(of.label) if races else None
@@ -193,7 +193,7 @@ def _section(of: Variant, oneray: Path, cases: list[dict], races: Races | None) 
     )  # fmt: skip
 
 
-def _curves_section(found: SceneCurves, races: Races) -> dict:
+def _curves_section(found: SceneCurves, races: Races) -> dict[str, Any]:
     """What curves.html shows of a scene."""
     colours = race_plots.colours(found)
     return {
@@ -216,7 +216,7 @@ def _scene_command(command: str, scene: str) -> str:
     return shlex.join([*words[:2], scene, *rest])
 
 
-def _races_summary(races: Races, wanted: Sequence[Variant]) -> dict:
+def _races_summary(races: Races, wanted: Sequence[Variant]) -> dict[str, Any]:
     """What the page says of all scenes together."""
     shown = [one for of in wanted if (one := races.of(of.label))]
     unbounded = {of.label: read_content(of.path, of.parameters).unbounded for of in wanted}
@@ -279,7 +279,7 @@ class _Plot:
     """Name, exponent, and why it ends where it does."""
 
 
-def speed_section(path: Path | None) -> dict | None:
+def speed_section(path: Path | None) -> dict[str, Any] | None:
     """What speed.html shows; None where there is no benchmark and none was asked for."""
     kept = data.references_dir() / "benchmark.json"
     if path is None and not kept.is_file():
@@ -302,7 +302,7 @@ def speed_section(path: Path | None) -> dict | None:
     }
 
 
-def stability_section(path: Path | None) -> dict | None:
+def stability_section(path: Path | None) -> dict[str, Any] | None:
     """What stability.html shows; None where nothing was measured and nothing was asked for."""
     kept = data.references_dir() / "stability.json"
     if path is None and not kept.is_file():
@@ -317,5 +317,5 @@ def _about(scene: Path) -> str:
     return " ".join(text[start + 4 : end].split()) if 0 <= start < end else ""
 
 
-def _summary(cases: list[Mapping]) -> dict[str, int]:
+def _summary(cases: list[Mapping[str, Any]]) -> dict[str, int]:
     return {name: sum(c["verdict"] == name for c in cases) for name in ("PASS", "FAIL", "INCONCLUSIVE")}

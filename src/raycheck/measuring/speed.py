@@ -8,6 +8,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import number
@@ -31,7 +32,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def read(path: Path) -> dict:
+def read(path: Path) -> dict[str, Any]:
     """The file; NotFound if it is not one of the benchmark."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
@@ -39,7 +40,8 @@ def read(path: Path) -> dict:
             raise TypeError
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise NotFound(f"{path}: no result of scripts/benchmark.py ({error or 'wrong structure'})") from None
-    return found
+    result: dict[str, Any] = found
+    return result
 
 
 def text(spread: Spread | None, scale: float = 1.0) -> str:
@@ -50,12 +52,12 @@ def text(spread: Spread | None, scale: float = 1.0) -> str:
     return middle if low == high else f"{middle} ({low} … {high})"
 
 
-def rows(scene: Mapping) -> list[Row]:
+def rows(scene: Mapping[str, Any]) -> list[Row]:
     """The contestants of a scene, in the order of the file."""
     return [_row(one) for one in scene["contestants"]]
 
 
-def _row(one: Mapping) -> Row:
+def _row(one: Mapping[str, Any]) -> Row:
     if one["status"] != "ok":
         return Row(one["name"], reason=one["reason"])
     figures, ratios = one["figures"], one["ratios"]
@@ -72,7 +74,7 @@ def _row(one: Mapping) -> Row:
     return Row(one["name"], cells)
 
 
-def _difference(one: Mapping) -> str:
+def _difference(one: Mapping[str, Any]) -> str:
     """The mean against the baseline's."""
     if one["name"] == BASELINE or "difference" not in one:
         return ""
@@ -80,7 +82,7 @@ def _difference(one: Mapping) -> str:
     return f"{100 * off['relative']:+.2f} % ({off['sigmas']:+.1f} σ)".replace("-", "−")
 
 
-def plain(scene: Mapping) -> str:
+def plain(scene: Mapping[str, Any]) -> str:
     """The table of a scene for a terminal."""
     size = f"{scene['width']} × {scene['height']}, {scene['rounds']} rounds"
     table = [("", *COLUMNS), *((row.name, *row.cells) for row in rows(scene) if not row.reason)]
@@ -96,7 +98,7 @@ def plain(scene: Mapping) -> str:
     return "\n".join([f"{scene['name']}: {scene['about']}; {size}; median (minimum … maximum)", *lines])
 
 
-def startup_lines(scene: Mapping) -> list[str]:
+def startup_lines(scene: Mapping[str, Any]) -> list[str]:
     """Seconds from the start of a process to a picture, a line for each contestant."""
     lines = []
     for one in scene["startup"]:
@@ -106,13 +108,13 @@ def startup_lines(scene: Mapping) -> list[str]:
     return lines
 
 
-def exponent_text(curve: Mapping) -> str:
+def exponent_text(curve: Mapping[str, Any]) -> str:
     """The exponent with its standard error."""
     fit = curve["exponent"]
     return f"{fit['value']:.2f} ± {fit['error']:.2f}".replace("-", "−") if fit else "–"
 
 
-def growth_lines(found: Mapping) -> list[str]:
+def growth_lines(found: Mapping[str, Any]) -> list[str]:
     """The exponents, a line for each axis."""
     return [
         f"{one['label']} ({one['scene']}): seconds grow with exponent "
@@ -121,18 +123,18 @@ def growth_lines(found: Mapping) -> list[str]:
     ]
 
 
-def _named(scene: Mapping, name: str) -> Mapping:
+def _named(scene: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     return next((x for x in scene["contestants"] if x["name"] == name and x["status"] == "ok"), {})
 
 
-def _best_sampler(scene: Mapping) -> str:
+def _best_sampler(scene: Mapping[str, Any]) -> str:
     for one in scene["contestants"]:
         if one["name"].startswith(f"{BASELINE} ") and one["status"] == "ok":
             return f"{text(one['ratios'].get('efficiency'))} {one['name'].removeprefix(BASELINE).strip()}"
     return ""
 
 
-def markdown(found: Mapping) -> str:
+def markdown(found: Mapping[str, Any]) -> str:
     """The README's table: a row for each scene."""
     heads = ["", "Mitsuba llvm, Mpaths/s", *(f"{name}, times its paths/s" for name in SHOWN)]
     heads += [
@@ -150,7 +152,7 @@ def markdown(found: Mapping) -> str:
     return f"{table}\n\n{made_with(found)}; median (minimum … maximum) of {found['rounds']} rounds."
 
 
-def made_with(found: Mapping) -> str:
+def made_with(found: Mapping[str, Any]) -> str:
     """Machine, compiler, versions and day."""
     machine = found["machine"]
     day = found["date"][:10]

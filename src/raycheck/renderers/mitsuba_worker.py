@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 
 def peak_memory() -> int:
@@ -35,7 +36,7 @@ def main() -> None:
     mi.set_variant(sys.argv[1])
     mi.set_log_level(mi.LogLevel.Error)
     print(json.dumps({"import": time.perf_counter() - start, "version": mi.__version__}), file=answers)
-    scene = None
+    scene: Any = None
     for line in sys.stdin:
         order = json.loads(line)
         start, process = time.perf_counter(), time.process_time()

@@ -140,7 +140,8 @@ class Dask:
         from distributed import KilledWorker
 
         try:
-            return future.result()
+            result: bytes = future.result()
+            return result
         except KilledWorker as error:
             raise Lost(str(error)) from None
         except (NotFound, RenderError):

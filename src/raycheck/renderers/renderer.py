@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from raycheck.base.images import Image
 
@@ -13,6 +13,7 @@ class Rendering:
     seconds: float
 
 
+@runtime_checkable
 class Renderer(Protocol):
     """Renders `scene` with `spp` samples per pixel and `seed`; raises RenderError."""
 

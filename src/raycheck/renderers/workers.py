@@ -34,8 +34,10 @@ class Helper:
         self.process = subprocess.Popen(
             words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=os.name == "posix"
         )
+        assert self.process.stdin and self.process.stdout
+        self.asked, self.answers = self.process.stdin, self.process.stdout
         running.add(self.process)
-        if self.process.stdout.read(len(READY)) != READY:
+        if self.answers.read(len(READY)) != READY:
             status = self.process.wait()
             if status < 0:
                 raise ended("the process", status)
@@ -44,17 +46,17 @@ class Helper:
     def ask(self, *what: Any) -> Any:
         """The answer; Lost if the helper is killed over it."""
         try:
-            pickle.dump(what, self.process.stdin)
-            self.process.stdin.flush()
-            return pickle.load(self.process.stdout)
+            pickle.dump(what, self.asked)
+            self.asked.flush()
+            return pickle.load(self.answers)
         except (OSError, EOFError, pickle.UnpicklingError):
             self.process.kill()  # nothing if it has ended
             raise ended("the process", self.process.wait()) from None
 
     def __del__(self) -> None:
         with contextlib.suppress(OSError):  # what was left to be sent to one that has ended
-            self.process.stdin.close()
-        self.process.stdout.close()
+            self.asked.close()
+        self.answers.close()
         self.process.wait()
 
 
@@ -66,7 +68,8 @@ def apart(work: Work, *piece: Any, fork: bool = False) -> bytes:
     answer = helper.ask(work, piece, fork)
     if isinstance(answer, Exception):
         raise answer
-    return answer
+    result: bytes = answer
+    return result
 
 
 def run(pool: Pool | None, work: Work, pieces: Pieces) -> Iterator[tuple[int, bytes]]:

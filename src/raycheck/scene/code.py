@@ -46,7 +46,7 @@ _EMPTY = {VECTOR: [0.0, 0.0, 0.0], NUMBER: 0.0, INTEGER: -1, FLAG: False, NAME: 
 
 def rows(data: Mapping[str, Any]) -> dict[str, list[Row]]:
     """The scene's tables, by structure; those that it has no use for are empty."""
-    result: dict[str, list[Row]] = {"Material": _flat_materials(data["materials"])}
+    result: dict[str, list[Row]] = {"Material": [*_flat_materials(data["materials"])]}
     for structure in TABLES:
         kind = _TYPES.get(structure, structure.lower())
         of_kind = [one for one in (*data["primitives"], *data["lights"]) if one["type"] == kind]
@@ -54,9 +54,9 @@ def rows(data: Mapping[str, Any]) -> dict[str, list[Row]]:
     return result
 
 
-def _flat_materials(materials: Sequence[Row]) -> list[Row]:
+def _flat_materials(materials: Sequence[Row]) -> list[dict[str, Any]]:
     """Parts of blends follow the scene's materials; a blend names them by index."""
-    flat: list[Row] = [dict(one) for one in materials]
+    flat = [dict(one) for one in materials]
     for one in flat:  # grows as it goes
         if "parts" in one:
             one["first"], one["second"] = len(flat), len(flat) + 1
@@ -114,7 +114,7 @@ CPP = Language(
     + ("\n};" if values else "};"),
     record=lambda name, fields: "{" + ", ".join(value for _, value in fields) + "}",
 )  # fmt: skip
-RUST = Language(
+RUST: Language = Language(
     comment="//",
     types={
         VECTOR: "[f64; 3]", THREE: "[[f64; 3]; 3]", NUMBER: "f64", INTEGER: "i32", FLAG: "bool",

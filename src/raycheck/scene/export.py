@@ -84,8 +84,9 @@ def _kinds(material: dict[str, Any]) -> set[str]:
     return inner | {material["type"]} | ({"two-sided"} if material["two_sided"] else set())
 
 
-def _numbers(values: Array) -> list:
-    return np.asarray(values, dtype=np.float64).tolist()
+def _numbers(values: Array) -> list[Any]:
+    result: list[Any] = np.asarray(values, dtype=np.float64).tolist()
+    return result
 
 
 def _camera(camera: Camera) -> dict[str, Any]:
@@ -145,7 +146,7 @@ def _primitives(shape: Shape) -> list[dict[str, Any]]:
         return [
             {"type": "sphere", "center": _numbers(place), "radius": radius, "inward": shape.flipped}
         ]  # fmt: skip
-    normals = np.linalg.inv(linear).T
+    normals = np.asarray(np.linalg.inv(linear).T, dtype=np.float64)
     if shape.kind == "disk":
         axes = {"center": _numbers(place), "axis_u": _numbers(linear[:, 0]), "axis_v": _numbers(linear[:, 1])}
         return [{"type": "disk", **axes, "normal": _unit(sign * normals[:, 2])}]
@@ -182,7 +183,7 @@ def _read_mesh(path: Path) -> _Mesh:
     import trimesh
 
     try:
-        mesh = trimesh.load(path, process=False, force="mesh")
+        mesh: Any = trimesh.load(path, process=False, force="mesh")
     except Exception as error:  # trimesh names no errors of its own
         raise ReferenceError_(f"{path}: not a mesh that can be read ({error})") from None
     arrays = (np.asarray(a) for a in (mesh.vertices, mesh.faces, mesh.vertex_normals))

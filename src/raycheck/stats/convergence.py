@@ -139,7 +139,8 @@ def _luck(squared: Array, outliers: NDArray[np.bool_]) -> Array:
     share = share / np.maximum(squared.sum(axis=(1, 2)), 1e-300)
     count = len(squared)
     own = np.diag(share)
-    return own - (share.sum(axis=1) - own) / (count - 1)
+    result: Array = own - (share.sum(axis=1) - own) / (count - 1)
+    return result
 
 
 def jackknife(rounds: int, figure: Callable[[NDArray[np.intp]], float]) -> Band:

@@ -51,12 +51,14 @@ class Moments:
 
     @property
     def standard_error(self) -> Array:
-        return self.spread / np.sqrt(self.count)
+        result: Array = self.spread / np.sqrt(self.count)
+        return result
 
     @property
     def exact(self) -> NDArray[np.bool_]:
         """True where neither the batches nor the reference vary, so that bias is a plain difference."""
-        return self.spread == 0
+        result: NDArray[np.bool_] = self.spread == 0
+        return result
 
 
 def moments(
@@ -98,7 +100,10 @@ def hall_t(s: Array, skewness: Array, count: int) -> Array:
     """Hall's skewness-corrected t for s = bias/spread: √B (s + γs²/3 + γ²s³/27 + γ/6B), which rises with s
     everywhere.
     """
-    return np.sqrt(count) * (s + skewness * s**2 / 3 + skewness**2 * s**3 / 27 + skewness / (6 * count))
+    result: Array = np.sqrt(count) * (
+        s + skewness * s**2 / 3 + skewness**2 * s**3 / 27 + skewness / (6 * count)
+    )
+    return result
 
 
 def hall_inverse(t: Array, skewness: Array, count: int) -> Array:
@@ -107,7 +112,8 @@ def hall_inverse(t: Array, skewness: Array, count: int) -> Array:
     x = np.asarray(t) / np.sqrt(count) - skewness / (6 * count)
     flat = np.abs(skewness) < 1e-6
     safe = np.where(flat, 1.0, skewness)
-    return np.where(flat, x - skewness * x**2 / 3, 3 / safe * (np.cbrt(1 + safe * x) - 1))
+    result: Array = np.where(flat, x - skewness * x**2 / 3, 3 / safe * (np.cbrt(1 + safe * x) - 1))
+    return result
 
 
 def one_sided_p(found: Moments, allowance: Array) -> tuple[Array, Array]:
@@ -125,7 +131,7 @@ def one_sided_p(found: Moments, allowance: Array) -> tuple[Array, Array]:
     return p_bright.astype(np.float64), p_dark.astype(np.float64)
 
 
-def combine(first: Array, second: Array, shared: Array) -> Array:
+def combine(first: Array | float, second: Array | float, shared: Array | float) -> Array:
     """p-value of "both of two sets say so": max(p₁, p₂)², since both must be that small.
 
     The reference's error is in both. With a correlation ρ = `shared` between the two, the probability of both
@@ -142,7 +148,8 @@ def two_set_p(first: Moments, second: Moments, allowance: Array) -> Array:
     one, two = one_sided_p(first, allowance), one_sided_p(second, allowance)
     bright = combine(one[0], two[0], shared)
     dark = combine(one[1], two[1], shared)
-    return np.minimum(1.0, 2 * np.minimum(bright, dark))
+    result: Array = np.minimum(1.0, 2 * np.minimum(bright, dark))
+    return result
 
 
 def holm(p: Array) -> Array:
@@ -233,9 +240,13 @@ def detectable_bias(
     this test over both sets. Each set must reach √(level/2) on its side and does so with probability √power.
     """
     error = np.sqrt((first.standard_error**2 + second.standard_error**2) / 2)
-    return allowance + detection_factor(np.minimum(first.freedom, second.freedom), level, power) * error
+    freedom = np.minimum(first.freedom, second.freedom)
+    return np.asarray(allowance + detection_factor(freedom, level, power) * error)
 
 
-def detection_factor(freedom: Array, level: float, power: float = 0.9) -> Array:
+def detection_factor(freedom: Array | float, level: Array | float, power: float = 0.9) -> Array:
     """t_crit + t_β, in standard errors of one set."""
-    return -special.stdtrit(freedom, np.sqrt(level / 2)) - special.stdtrit(freedom, 1 - np.sqrt(power))
+    result: Array = -special.stdtrit(freedom, np.sqrt(level / 2)) - special.stdtrit(
+        freedom, 1 - np.sqrt(power)
+    )
+    return result

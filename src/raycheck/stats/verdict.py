@@ -61,7 +61,8 @@ class Expected:
     def yardstick(self) -> Array:
         """(R, 3) what a bias is relative to: r for the image, max(r_tile, r_image/10) for a tile."""
         tiles = np.maximum(self.mean, self.mean[0] / 10)
-        return np.abs(np.concatenate([self.mean[:1], tiles[1:]]))
+        result: Array = np.abs(np.concatenate([self.mean[:1], tiles[1:]]))
+        return result
 
     @property
     def allowance(self) -> Array:
@@ -71,7 +72,8 @@ class Expected:
     @property
     def exact_allowance(self) -> Array:
         """(R, 3) difference that never FAILs where nothing varies on either side."""
-        return 1e-5 * np.abs(self.mean) + 1e-7 * np.abs(self.mean[0]).max() + self.quantum
+        result: Array = 1e-5 * np.abs(self.mean) + 1e-7 * np.abs(self.mean[0]).max() + self.quantum
+        return result
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ def _different(
 
 
 def _too_wide(
-    both: st.Moments, low: Array, high: Array, scale: Array, adjusted: Array, inside: Array
+    both: st.Moments, low: Array, high: Array, scale: Array, adjusted: Array, inside: NDArray[np.bool_]
 ) -> list[Finding]:
     """What is not known to lie within its limits, the least known first."""
     half = np.where(inside, 0.0, (high - low) / 2 / scale)
@@ -205,11 +207,17 @@ def _heavy(found: st.Moments) -> NDArray[np.bool_]:
     """
     b = found.count
     error = np.sqrt(6.0 * b * (b - 1) / ((b - 2) * (b + 1) * (b + 3)))
-    return np.abs(found.own_skewness) > 0.4 + HEAVY_ERRORS * error
+    result: NDArray[np.bool_] = np.abs(found.own_skewness) > 0.4 + HEAVY_ERRORS * error
+    return result
 
 
 def _omnibus(
-    first: Array, second: Array, one: st.Moments, two: st.Moments, expected: Expected, heavy: Array
+    first: Array,
+    second: Array,
+    one: st.Moments,
+    two: st.Moments,
+    expected: Expected,
+    heavy: NDArray[np.bool_],
 ) -> float:
     """Each set's tiles, weighted by the other set's variances; too skewed or unvarying ones are left out."""
     if first.shape[1] < 2:
@@ -250,7 +258,7 @@ def _finding(index: int, both: st.Moments, low: Array, high: Array, scale: Array
 
 
 def _more_samples(
-    one: st.Moments, both: st.Moments, low: Array, high: Array, inside: Array, too_heavy: bool,
+    one: st.Moments, both: st.Moments, low: Array, high: Array, inside: NDArray[np.bool_], too_heavy: bool,
     expected: Expected, limits: Limits, scale: Array, level: Array,
 ) -> float:  # fmt: skip
     """Times the samples after which every region would probably be inside its limit, or outside for sure.

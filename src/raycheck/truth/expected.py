@@ -67,11 +67,10 @@ class Truth:
 def truth_of(reference: Reference) -> Truth:
     variance = np.asarray(reference.variance_of_mean, dtype=np.float64)
     mean = np.asarray(reference.mean, dtype=np.float64)
-    closed = np.zeros(mean.shape, dtype=bool)
-    if reference.closed_form is not None:
-        closed = np.isfinite(reference.closed_form)
+    exact = np.full(mean.shape, np.nan) if reference.closed_form is None else reference.closed_form
+    closed = np.isfinite(exact)
     return Truth(
-        mean=np.where(closed, np.nan_to_num(reference.closed_form), mean) if closed.any() else mean,
+        mean=np.where(closed, exact, mean),
         variance=np.where(closed, 0.0, variance),
         sample_variance=variance * reference.batches * reference.spp_per_batch,
         skewness=reference.skewness,

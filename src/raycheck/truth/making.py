@@ -29,8 +29,9 @@ Array = NDArray[np.float64]
 class Batches(Protocol):
     """A renderer of independent batches; batch k always has the same samples."""
 
-    made_by: Mapping[str, str]
-    """Entries of the manifest that say which renderer it is."""
+    @property
+    def made_by(self) -> Mapping[str, str]:
+        """Entries of the manifest that say which renderer it is."""
 
     def batches(self, first: int, count: int, spp: int) -> Iterator[Array]:
         """Images (H, W, 3) of batches first … first + count − 1, `spp` samples per pixel each."""
@@ -42,7 +43,7 @@ class OnerayBatches:
 
     def __init__(self, of: variants.Variant, jobs: int = 2):
         program = oneray_path()
-        self.made_by = {"renderer": "oneray", "technique": BEST}
+        self.made_by: Mapping[str, str] = {"renderer": "oneray", "technique": BEST}
         self._command = oneray_command(program, technique(BEST).options, of.parameters)
         self._path = of.path
         self._jobs = jobs
@@ -103,7 +104,8 @@ def skewness_tables(images: Array, spp: int) -> dict[int, list[list[list[float |
         constant = deviation <= 1e-6 * np.abs(means).mean(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
             skewness = (spread**3).mean(axis=0) / deviation**3 * math.sqrt(spp)
-        rounded = np.where(constant, None, np.round(np.where(constant, 0.0, skewness), 3).astype(object))
+        rounded = np.round(np.where(constant, 0.0, skewness), 3).astype(object)
+        rounded[constant] = None
         tables[size] = rounded.tolist()
     return tables
 

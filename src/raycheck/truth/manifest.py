@@ -22,7 +22,8 @@ def read_manifest(folder: Path | None = None) -> dict[str, Any]:
 def _parsed(path: Path, version: tuple[int, ...]) -> dict[str, Any]:
     """A manifest of that time, size and number: thousands of lines that each scene asks for."""
     del version
-    return json.loads(path.read_text())
+    result: dict[str, Any] = json.loads(path.read_text())
+    return result
 
 
 def dump_manifest(manifest: Mapping[str, Any]) -> str:

@@ -18,8 +18,9 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,10 +114,10 @@ class MitsubaBatches:
             import drjit as dr
 
             dr.set_thread_count(threads)
-        self.made_by = {"mitsuba_version": mi.__version__, "variant": variant}
-        self._mi = mi
+        self.made_by: Mapping[str, str] = {"mitsuba_version": str(mi.__version__), "variant": variant}
+        self._mi: Any = mi
         try:
-            self._scene = mi.load_file(str(of.path), **of.parameters)
+            self._scene: Any = mi.load_file(str(of.path), **dict[str, Any](of.parameters))
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1].strip()
             raise NotFound(f"{of.path}: Mitsuba cannot load it: {reason}") from None

@@ -87,7 +87,8 @@ def require(wanted: Variant) -> dict[str, Any]:
             f"the reference {wanted.label} is stale: its scene has changed since; "
             f"renew it with: {wanted.renew_command}"
         )
-    return entry
+    result: dict[str, Any] = entry
+    return result
 
 
 def load_reference(scene: str | Path | Variant, parameters: Mapping[str, str] | None = None) -> Reference:

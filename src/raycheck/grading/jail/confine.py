@@ -92,7 +92,7 @@ def _checked(result: int, what: str) -> int:
 
 def landlock_abi() -> int:
     """Of this kernel; 0 where it has no Landlock or does not use it."""
-    return max(libc.syscall(CREATE_RULESET, None, 0, 1), 0)
+    return int(max(libc.syscall(CREATE_RULESET, None, 0, 1), 0))
 
 
 class _Ruleset(ctypes.Structure):

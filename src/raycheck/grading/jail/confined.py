@@ -26,7 +26,8 @@ class Confined:
     def __init__(self, rules: confine.Rules, words: Sequence[str], info: int) -> None:
         errors, theirs = os.pipe()
         self.status, status = os.pipe()
-        self.stderr, self.returncode = os.fdopen(errors, "rb"), None
+        self.stderr = os.fdopen(errors, "rb")
+        self.returncode: int | None = None
         try:
             with self.lock:
                 server = self._server()

@@ -78,7 +78,7 @@ class Decoder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.process is not None:
+        if self.process is not None and self.pipe is not None:
             self.pipe.close()
             self.process.kill()
             self.process.join()
@@ -99,7 +99,7 @@ class Decoder:
         return answer
 
     def _apart(self, path: Path, size: tuple[int, int]) -> Image | str:
-        if self.process is None:
+        if self.process is None or self.pipe is None:
             context = multiprocessing.get_context("fork")
             self.pipe, theirs = context.Pipe()
             self.process = context.Process(target=_decode_all, args=(theirs, self.pipe), daemon=True)
@@ -108,7 +108,8 @@ class Decoder:
         try:
             self.pipe.send((path, size))
             if self.pipe.poll(DECODE_SECONDS):
-                return self.pipe.recv()
+                result: Image | str = self.pipe.recv()
+                return result
             problem = f"{{output}} was not decoded within {DECODE_SECONDS:.0f} s"
         except (EOFError, OSError):
             problem = "{output} is malformed: decoding it crashed"

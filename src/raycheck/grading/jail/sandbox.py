@@ -130,7 +130,7 @@ class Jail:
             return jailed(command, replace(bounds, group=group))
 
     def _wrapped(self, command: "Command", bounds: Bounds) -> Finished:
-        words = ["/bin/sh", "-c", ENTER, "enter", *bounds.group.doors, "--"]
+        words = ["/bin/sh", "-c", ENTER, "enter", *bounds.doors, "--"]
         if self.user is not None:  # by a program: Popen's own way would copy this process's page tables
             ids = ("--reuid", str(self.user), "--regid", str(self.user), "--clear-groups")
             words += ["/usr/bin/setpriv", *ids, "--"]
@@ -151,7 +151,7 @@ class Jail:
             rules = confine.Rules(
                 self.user, self.tier is Tier.LANDLOCK, seen, own, command.writable,
                 _rlimits(self.limits, bounds.seconds), self.limits.processes,
-                {**ENVIRONMENT, "HOME": place, "TMPDIR": place}, str(command.folder), bounds.group.doors,
+                {**ENVIRONMENT, "HOME": place, "TMPDIR": place}, str(command.folder), bounds.doors,
             )  # fmt: skip
             temporary = Size(Path(place), self.limits.output_mb << 20, MOST_OUTPUT_FILES)
             bounds = replace(bounds, sizes=[*bounds.sizes, temporary])
@@ -259,7 +259,7 @@ def _prlimit(limits: Limits, seconds: float) -> list[str]:
 
 def _popen(
     words: Sequence[str], given: Mapping[str, int] | None = None, *, cwd: Path | None = None
-) -> subprocess.Popen:
+) -> subprocess.Popen[bytes]:
     """A command with the descriptors `given`, which "{name}" stands for; NotFound where there is no such
     program.
     """

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from raycheck.base.errors import NotFound
 from raycheck.base.processes import end, signal_name, tree
@@ -27,7 +28,7 @@ KEPT_BYTES = 4000
 WATCH_SECONDS = 0.05
 END_SECONDS = 10.0
 """For a supervisor to end what it looks after."""
-Process = subprocess.Popen | Confined
+Process = subprocess.Popen[bytes] | Confined
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,11 @@ class Bounds:
     """That they belong to."""
 
     @property
+    def doors(self) -> list[str]:
+        """Files by which a process joins the group."""
+        return self.group.doors if self.group else []
+
+    @property
     def swollen(self) -> str:
         """What is said of too much memory."""
         return f"more than {self.memory_mb} MB of memory, the limit of the assignment"
@@ -120,14 +126,14 @@ def watch(start: Callable[[int], Process], bounds: Bounds, jail: str = "") -> Fi
     late = bool(killed) and spent >= bounds.seconds
     if not killed and process.returncode and bounds.group and bounds.group.swelled:
         killed = bounds.swollen
-    return Finished(process.returncode, spent, _text(said), killed, late)
+    return Finished(process.wait(), spent, _text(said), killed, late)
 
 
 def _text(said: bytearray) -> str:
     return bytes(said).decode(errors="replace")
 
 
-def _drain(pipe, said: bytearray) -> None:
+def _drain(pipe: Any, said: bytearray) -> None:
     """Keep the end of what comes, however much it is."""
     while block := pipe.read1(1 << 16):
         said.extend(block)
@@ -142,7 +148,7 @@ class _First:
     def __init__(self, pid: int) -> None:
         self.pid = pid
         try:
-            self.handle = os.pidfd_open(pid)
+            self.handle: int | None = os.pidfd_open(pid)
         except ProcessLookupError:
             self.handle = None
 

@@ -2,7 +2,7 @@
 
 import re
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import jinja2
@@ -90,7 +90,7 @@ def _kind(reason: str) -> str:
     return re.sub(r"\d[\d.,…±−–%×^ ]*[\d%]|\d", "…", general)[:160]
 
 
-def borderline(results: Sequence[StudentResult]):
+def borderline(results: Sequence[StudentResult]) -> Iterator[tuple[str, str, str]]:
     """(student, task, why) of verdicts that are open, or that a second look turned."""
     for result in results:
         for task in result.tasks:

@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,7 +50,7 @@ def read_roster(path: Path) -> list[str]:
     return [row["student"] for _, row in _rows(path, ("student",))]
 
 
-def _rows(path: Path, needed: Sequence[str]):
+def _rows(path: Path, needed: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -136,7 +136,7 @@ def junit_xml(results: Sequence[StudentResult]) -> str:
                     case.result = [Skipped(_clean(sentence(scene.told)), "inconclusive")]
                 suite.add_testcase(case)
         xml.add_testsuite(suite)
-    return xml.tostring().decode("utf-8")
+    return str(xml.tostring().decode("utf-8"))
 
 
 def _clean(text: str) -> str:

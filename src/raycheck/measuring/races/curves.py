@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import rounded
@@ -94,7 +95,7 @@ def to_json(scenes: Sequence[SceneCurves], header: Mapping[str, object]) -> str:
     return f'{top},\n "scenes": [\n  {listed}\n ]\n}}\n'
 
 
-def read(path: Path) -> tuple[list[SceneCurves], dict]:
+def read(path: Path) -> tuple[list[SceneCurves], dict[str, Any]]:
     """The scenes and the header of a file that `to_json` wrote; NotFound if it is none."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
@@ -108,18 +109,18 @@ def read(path: Path) -> tuple[list[SceneCurves], dict]:
 BANDS = ("slope", "relative_slope", "slope_without_outliers", "efficiency", "relative_efficiency")
 
 
-def from_dict(found: Mapping) -> SceneCurves:
+def from_dict(found: Mapping[str, Any]) -> SceneCurves:
     """From what asdict made of it."""
     shown = {k: [Shown(**one) for one in found[k]] for k in ("equal_samples", "equal_time")}
     curves = [_curve_from(one) for one in found["curves"]]
     return SceneCurves(**{**found, **shown, "curves": curves})
 
 
-def _curve_from(found: Mapping) -> Curve:
+def _curve_from(found: Mapping[str, Any]) -> Curve:
     bands = {k: Band(**found[k]) for k in BANDS if found[k]}
     spread = {"sample_seconds": Spread(**found["sample_seconds"])} if found["sample_seconds"] else {}
     levels = [
-        Level(**{k: Band(**v) if isinstance(v, dict) else v for k, v in one.items()})
+        Level(**{k: Band(**v) if isinstance(v, dict) else v for k, v in one.items()})  # type: ignore[arg-type]
         for one in found["levels"]
     ]
     return Curve(**{**found, **bands, **spread, "levels": levels})

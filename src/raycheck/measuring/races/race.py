@@ -5,7 +5,9 @@ import json
 import shutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -103,10 +105,10 @@ class Race:
         entries = [Entry(one) for one in self.contestants]
         try:
             for entry in entries:
-                self._attempt(entry, lambda entry=entry: self._prepare(entry))
+                self._attempt(entry, partial(self._prepare, entry))
             for number in range(self.rounds):
                 for entry in entries:
-                    self._attempt(entry, lambda entry=entry, number=number: self._round(entry, number))
+                    self._attempt(entry, partial(self._round, entry, number))
                     self.tell(entry.name)
             for entry in entries:
                 if not entry.reason:
@@ -134,7 +136,7 @@ class Race:
     def _prepare(self, entry: Entry) -> None:
         """Two pictures tell what it costs, and so how far its samples double."""
 
-        def plan() -> dict:
+        def plan() -> dict[str, Any]:
             opened = self._ready(entry)
             times = {spp: self._render(entry, spp, 1).seconds for spp in (LEAST_SPP, 4 * LEAST_SPP)}
             return {"opened": opened, "levels": doubling(*pace(times), self.seconds, self.rounds)}
@@ -162,7 +164,7 @@ class Race:
         seeds = make_seeds(f"{self.of.label}/{entry.name}/curves/{number}", len(entry.levels))
         for spp, seed in zip(entry.levels, seeds, strict=True):
             entry.shots[spp, number] = self.shelf.shot(
-                entry.name, f"{spp}-{number}", lambda spp=spp, seed=seed: self._render(entry, spp, seed)
+                entry.name, f"{spp}-{number}", partial(self._render, entry, spp, seed)
             )
 
     def _problem(self, entry: Entry) -> str | None:

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,7 +142,9 @@ def _pictures(
     by_name = {entry.name: entry for entry in entries}
     spp = min(by_name[name].levels[-1] for name in names)
     seconds = curves[names[0]].seconds(spp)
-    samples, times, pictures = [], [], {}
+    samples: list[Shown] = []
+    times: list[Shown] = []
+    pictures = {}
     for name in names:
         entry, curve = by_name[name], curves[name]
         affordable = min(max(1, round(seconds / curve.seconds(1))), MOST_SPP)
@@ -166,7 +169,8 @@ def _shown(key: str, curve: Curve, spp: int, seed: int, image: Array, reference:
 def _keep(folder: Path, found: SceneCurves, pictures: Mapping[str, Array], key: str) -> None:
     """Figures and pictures of a finished scene, each written as a whole; the figures last."""
     with whole(folder / f"{found.scene}.npz") as partial:
-        np.savez_compressed(partial, **{name: image.astype(np.float32) for name, image in pictures.items()})
+        small: dict[str, Any] = {name: image.astype(np.float32) for name, image in pictures.items()}
+        np.savez_compressed(partial, **small)
     write_whole(folder / f"{found.scene}.json", json.dumps({"key": key} | asdict(found)))
 
 

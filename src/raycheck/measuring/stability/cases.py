@@ -236,7 +236,7 @@ def _decades(p: Parsed) -> Truth:
     """Point lights at z = 1 over the origin: all, or the last alone."""
     lights = []
     for emitter in p.root.iter("emitter"):
-        point, intensity = emitter.find("point"), emitter.find("rgb")
+        [point], [intensity] = emitter.iter("point"), emitter.iter("rgb")
         x, y, z = (p.number(point.get(axis, "0")) for axis in "xyz")
         lights.append(_point(p, p.number(intensity.get("value", "")), z, mpmath.sqrt(x * x + y * y + z * z)))
     return same(lights[-1] if p("plate") > 0 else sum(lights))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
@@ -30,7 +31,7 @@ class Section:
     plots: list[Plot]
 
 
-def section(path: Path) -> dict:
+def section(path: Path) -> dict[str, Any]:
     """What stability.html shows of a result of `raycheck stability --json`."""
     results, header = read(path)
     shown = [(result, sweeps.cases_named([result.case])[0]) for result in results]

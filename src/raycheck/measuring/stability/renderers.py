@@ -54,20 +54,23 @@ class Mitsuba:
 
     def _start(self) -> dict[str, Any]:
         command = [sys.executable, "-m", "raycheck.measuring.stability.mitsuba_worker"]
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-        self._process = subprocess.Popen(command, text=True, **pipes)
+        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        self._process = subprocess.Popen(command, text=True, stderr=subprocess.DEVNULL, **pipes)
         return self._answer()
 
     def _answer(self) -> dict[str, Any]:
+        assert self._process and self._process.stdout
         line = self._process.stdout.readline()
         if not line:
             self.close()
             raise RenderError("Mitsuba crashed, or took too long")
-        return json.loads(line)
+        result: dict[str, Any] = json.loads(line)
+        return result
 
     def render(self, case: Case, settings: Settings, spp: int, seed: int) -> Array:
         if self._process is None:
             self._start()
+        assert self._process and self._process.stdin
         job = {"scene": str(case.path), "settings": dict(settings), "spp": spp, "seed": seed}
         self._process.stdin.write(json.dumps(job) + "\n")
         self._process.stdin.flush()

@@ -71,7 +71,7 @@ class Result:
 def to_json(results: Sequence[Result], header: dict[str, Any]) -> str:
     """What `read` reads; one point a line."""
     found = [asdict(result) for result in results]
-    marks = {}
+    marks: dict[str, str] = {}
     for result in found:
         for curve in result["curves"]:
             for k, point in enumerate(curve["points"]):

@@ -61,16 +61,14 @@ def _right_bounces(pixels: Array, settings: Settings) -> float:
 def run_point(case: Case, x: float, renderer: Renders, within: float, seed: int) -> Point:
     """The worst of the renders of a value."""
     samples = case.samples(x) if isinstance(renderer, Oneray) else min(case.samples(x), case.most_mitsuba)
-    worst: Point | None = None
+    points = []
     for settings in case.settings(x):
         with mp.workdps(DIGITS):
             truth = case.truth(Parsed(case.path, settings, renderer.single))
             if renderer.single and not (mp.isfinite(truth.value) and truth.value >= 0 and truth.unit > 0):
                 truth = case.truth(Parsed(case.path, settings))
-        point = _render_point(case, x, settings, truth, renderer, within, samples, seed)
-        if worst is None or (point.holds, -_size(point)) < (worst.holds, -_size(worst)):
-            worst = point
-    return worst
+        points.append(_render_point(case, x, settings, truth, renderer, within, samples, seed))
+    return min(points, key=lambda point: (point.holds, -_size(point)))
 
 
 def _size(point: Point) -> float:
@@ -91,8 +89,8 @@ def _render_point(
     spp = samples if case.name == "many-samples" else max(1, samples // PIXELS)
     try:
         pixels = renderer.render(case, settings, spp, seed)
-    except RenderError as error:
-        return Point(x, expected, None, None, 0.0, False, str(error))
+    except RenderError as failure:
+        return Point(x, expected, None, None, 0.0, False, str(failure))
     if not np.isfinite(pixels).all():
         return Point(x, expected, None, None, 0.0, False, "not finite")
     found, error, noise = measure(case, pixels, truth, spp, settings)

@@ -51,7 +51,7 @@ def row(result: Result) -> tuple[str, ...]:
 
 
 def _how(case: Case, point: Point) -> str:
-    if case.measure == "spread" and point.found and math.isfinite(point.error):
+    if case.measure == "spread" and point.found and math.isfinite(point.error or 0.0):
         return f"spread {point.found:.3g}"
     return error_text(point)
 

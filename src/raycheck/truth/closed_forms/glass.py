@@ -36,7 +36,8 @@ def glass_pane(scene: Scene) -> Radiance | None:
         index, distance, value = seen(scene, o, d, _dark)
         here = np.flatnonzero(np.isin(index, glass))
         value[here] = 0.0
-        p, way, part, code = o[here] + distance[here, None] * d[here], d[here], 1.0, index[here]
+        p, way, code = o[here] + distance[here, None] * d[here], d[here], index[here]
+        part = np.ones(len(here))
         face, ratio_here = code - glass[0], 1 / ratio
         for hit in range(hits + 1):
             n = np.array([Plate(s).normal for s in box.shapes])[face]

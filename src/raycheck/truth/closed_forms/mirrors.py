@@ -1,6 +1,7 @@
 """Plane mirrors by the method of images, and metals by Fresnel's formula."""
 
-from collections.abc import Callable
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,12 @@ Indices = NDArray[np.intp]
 MANY_IMAGES = 40
 """Images of a lamp in facing mirrors, to each side, that count where depth has no limit."""
 MANY_BOUNCES = 64
+
+
+class Lit(Protocol):
+    """Irradiance (N, 3) at points p with normals n (N, 3), by paths with so many segments left."""
+
+    def __call__(self, p: Array, n: Array, left: int) -> Array: ...
 
 
 def mirror_corridor(scene: Scene) -> Radiance | None:
@@ -51,7 +58,7 @@ def mirror_corridor(scene: Scene) -> Radiance | None:
 
 
 def _through_mirrors(
-    scene: Scene, o: Array, d: Array, depth: int, irradiance: Callable[[Array, Array, int], Array]
+    scene: Scene, o: Array, d: Array, depth: int, irradiance: Lit
 ) -> tuple[Indices, Array, Array]:
     """What rays see by way of mirrors; `irradiance` is told how many segments are left, its own included.
 
@@ -63,7 +70,7 @@ def _through_mirrors(
     count = len(scene.shapes) + 1
     for used in range(depth):
         left = depth - used
-        found, t, dim = seen(scene, start[alive], way[alive], lambda p, n, left=left: irradiance(p, n, left))
+        found, t, dim = seen(scene, start[alive], way[alive], partial(irradiance, left=left))
         value[alive] += factor[alive] * np.where((found >= 0)[:, None], dim, scene.sky)
         index[alive] = index[alive] * count + found + 1
         travelled[alive] += t
@@ -98,7 +105,8 @@ def reflectance_of(material: Material, cosine: Array) -> Array:
     c = np.clip(cosine, 0, 1)[:, None]
     inside = np.sqrt(n**2 - (1 - c**2))
     s, p = (c - inside) / (c + inside), (n**2 * c - inside) / (n**2 * c + inside)
-    return material.reflectance * (np.abs(s) ** 2 + np.abs(p) ** 2) / 2
+    result: Array = material.reflectance * (np.abs(s) ** 2 + np.abs(p) ** 2) / 2
+    return result
 
 
 def metal(scene: Scene) -> Radiance | None:

@@ -146,7 +146,8 @@ def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array, border
         d = camera.directions(x.ravel(), y.ravel())
         index, _, _ = radiance(np.broadcast_to(camera.origin, d.shape), d)
         change = np.diff(index.reshape(x.shape), axis=1) != 0
-        return change.reshape(len(x), -1, border).any(axis=2)
+        result: NDArray[np.bool_] = change.reshape(len(x), -1, border).any(axis=2)
+        return result
 
     along_x, along_y = (np.linspace(0, n, n * border + 1) for n in (width, height))
     rows = differs(*np.meshgrid(along_x, np.arange(height + 1.0)))

@@ -58,7 +58,10 @@ class Ball:
         angle = np.linspace(0, 2 * math.pi, EDGE_POINTS, endpoint=False)[:, None]
         sine = self.radius / d
         rim = self.radius * math.sqrt(1 - sine**2)
-        return self.center - self.radius * sine * axis + rim * (np.cos(angle) * u + np.sin(angle) * v)
+        result: Array = (
+            self.center - self.radius * sine * axis + rim * (np.cos(angle) * u + np.sin(angle) * v)
+        )
+        return result
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,8 @@ class Plate:
     def normal(self) -> Array:
         outward = np.linalg.inv(self.shape.to_world[:3, :3])[2]
         outward = outward / np.linalg.norm(outward)
-        return -outward if self.shape.flipped else outward
+        result: Array = -outward if self.shape.flipped else outward
+        return result
 
     @property
     def corners(self) -> Array:
@@ -89,7 +93,8 @@ class Plate:
 
     def at(self, x: Array, y: Array) -> Array:
         """Points (…, 3) at local coordinates x, y (…)."""
-        return self.origin + x[..., None] * self.axes[0] + y[..., None] * self.axes[1]
+        result: Array = self.origin + x[..., None] * self.axes[0] + y[..., None] * self.axes[1]
+        return result
 
     def local(self, points: Array) -> tuple[Array, Array]:
         """Local coordinates x, y of points (…, 3), which are 1 in size at the rectangle's edges."""
@@ -297,7 +302,8 @@ def is_free(p: Array, n: Array, light: Shape, other: Shape) -> NDArray[np.bool_]
         low, high = middle - lamp.radius, middle + lamp.radius
     own = (p - body.origin) @ body.normal
     one_side = (low >= -1e-9) & (own >= -1e-9) | (high <= 1e-9) & (own <= 1e-9)
-    return below | behind | one_side | apart
+    result: NDArray[np.bool_] = below | behind | one_side | apart
+    return result
 
 
 def _cones_apart(p: Array, one: Shape, other: Shape) -> NDArray[np.bool_]:
@@ -312,7 +318,8 @@ def _cones_apart(p: Array, one: Shape, other: Shape) -> NDArray[np.bool_]:
         axes.append(to_center / d[:, None])
         angles.append(np.where(d > radius, np.arcsin(np.minimum(radius / d, 1)), math.pi))
     between = np.arccos(np.clip(np.einsum("ij,ij->i", *axes), -1, 1))
-    return between > angles[0] + angles[1]
+    result: NDArray[np.bool_] = between > angles[0] + angles[1]
+    return result
 
 
 def visible_solid_angle(p: Array, n: Array, light: Plate, others: Sequence[Shape]) -> Array:
@@ -417,11 +424,11 @@ def kinks(scene: Scene) -> Array:
     cuts = [(surface, plane) for surface in surfaces for plane in planes]
     for mirror in _mirrors(scene):
         images = [
-            tuple(
-                (mirror.reflect(point + normal) - mirror.reflect(point), mirror.reflect(point))
-                for normal, point in cut
+            (
+                (mirror.reflect(p + n) - mirror.reflect(p), mirror.reflect(p)),
+                (mirror.reflect(q + m) - mirror.reflect(q), mirror.reflect(q)),
             )
-            for cut in cuts
+            for (n, p), (m, q) in cuts
         ]
         cuts = cuts + images + [(surface, plane) for surface, _ in cuts for _, plane in images]
     lines = [_film_line(scene.camera, *surface, *plane) for surface, plane in cuts]
