@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 from numpy.typing import NDArray
+from raycheck.measuring.stability.case import Case, Parsed
+from raycheck.measuring.stability.formulas import cone_irradiance, rectangle_irradiance
 from typer.testing import CliRunner
 
 from raycheck.base.errors import RenderError
 from raycheck.cli import app
 from raycheck.measuring.stability import plots, sweeps
-from raycheck.measuring.stability.cases import CASES, Case, Parsed, cone_irradiance, rectangle_irradiance
+from raycheck.measuring.stability.cases import CASES
 from raycheck.measuring.stability.renderers import Oneray
 from raycheck.measuring.stability.results import Curve, Point, Result, read, to_json
 

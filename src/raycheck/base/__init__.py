@@ -5,6 +5,7 @@ In come paths, words of a command line, pictures in whatever format a renderer w
 linear radiance in double precision, files that are there whole or not at all, and errors that are one plain
 sentence.
 
+arrays     types of arrays
 errors     what a user can mend: NotFound, RenderError, ReferenceError_, ImageError, PatchError. The commands
            print them on one line; nothing else is caught.
 data       where scenes and references are, in a checkout and in an installed package: the one place that

@@ -12,9 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ImageError
-
-Array = NDArray[np.float64]
 
 Precision = Literal["float", "half", "rgbe", "8-bit"]
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.images import encode_srgb, write_png
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 RANGE = 4.0

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound
 from raycheck.calibration import checkout, mutants, rivals, trials
 from raycheck.calibration.checkout import Checkout
@@ -24,8 +24,6 @@ from raycheck.renderers import workers
 from raycheck.renderers.pools import Pool
 from raycheck.stats.tiles import region_means
 from raycheck.truth.expected import Truth
-
-Array = NDArray[np.float64]
 
 SPP = 8
 MIXES = tuple(4.0**-k for k in range(1, 9))

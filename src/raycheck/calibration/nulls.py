@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.seeds import make_seeds
 from raycheck.calibration import checkout, mutants, rivals, trials
 from raycheck.calibration.checkout import Checkout
@@ -27,8 +27,6 @@ from raycheck.stats import statistics as st
 from raycheck.stats.tiles import Tile
 from raycheck.stats.verdict import Expected, Outcome, judge
 from raycheck.truth.expected import Truth
-
-Array = NDArray[np.float64]
 
 SPP = 4
 LEVELS = (1e-2, 1e-3)

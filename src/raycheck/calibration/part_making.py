@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
 from raycheck.judging.parts import Parts, folder, manifest
@@ -28,8 +28,6 @@ from raycheck.scene.document import Element
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST, grid, region_means
 from raycheck.truth import references
-
-Array = NDArray[np.float64]
 
 FINER = 4
 SPP, SEEDS = 16, 8

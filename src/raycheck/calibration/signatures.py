@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
 from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
@@ -25,8 +25,6 @@ from raycheck.scene.content import read_content
 from raycheck.scene.techniques import applicable, technique
 from raycheck.stats.tiles import grid, region_means
 from raycheck.truth import references
-
-Array = NDArray[np.float64]
 
 SPP, SEEDS = 8, 8
 

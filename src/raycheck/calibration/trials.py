@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
 from raycheck.calibration import rivals
@@ -25,8 +25,6 @@ from raycheck.stats.tiles import Tile, region_means
 from raycheck.stats.verdict import ALPHA, SHARE_IMAGE, SHARE_TILES, Expected, Judgement, Outcome, judge
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
 from raycheck.grading.hidden import look_at, with_reference
@@ -19,8 +19,6 @@ from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST, tile_means
 from raycheck.stats.verdict import Limits, Outcome
 from raycheck.truth import references
-
-Array = NDArray[np.float64]
 
 MOST = 256
 """Pictures of a task that are read."""

@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.files import one_process
 from raycheck.base.machine import cores
@@ -21,8 +21,6 @@ from raycheck.scene import document, variants
 from raycheck.scene.techniques import BEST, technique
 from raycheck.scene.variants import Variant
 from raycheck.truth import making, references
-
-Array = NDArray[np.float64]
 
 LEAST_TURN, MOST_TURN = math.radians(6), math.radians(16)
 DIMMEST, BRIGHTEST = 0.7, 1.4

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raycheck.base import pictures
+from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
 from raycheck.base.images import Image
 from raycheck.base.seeds import make_seeds
@@ -43,7 +43,6 @@ from raycheck.stats.verdict import Limits, Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
 
-Array = NDArray[np.float64]
 TILES = Limits.tile / Limits.image
 UNREADABLE = "the run command takes neither {scene} nor {json}: it cannot render a scene unknown to it"
 STORED = (

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.files import write_whole
 from raycheck.base.seeds import make_seeds
 from raycheck.renderers import builds
@@ -17,8 +17,6 @@ from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique
 from raycheck.scene.variants import Variant
-
-Array = NDArray[np.float64]
 
 IMAGES = 32
 GROUPS = 8

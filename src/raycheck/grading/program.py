@@ -8,9 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
 from raycheck.base.text import last_words
 from raycheck.grading.jail.limits import Limits
@@ -22,7 +20,6 @@ from raycheck.scene import document, export
 from raycheck.scene.reader import read_scene
 from raycheck.scene.variants import Variant
 
-Array = NDArray[np.float64]
 OVER = "the time for the whole grading was over"
 
 

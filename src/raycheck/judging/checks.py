@@ -9,14 +9,12 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.images import Image, decode_srgb
 from raycheck.base.text import percent
 from raycheck.stats.tiles import Tile, grid, region_means, region_variances
 from raycheck.truth.expected import Truth
-
-Array = NDArray[np.float64]
 
 GROSS_RATIO = 30.0
 """Mean squared difference over its expected noise, from which a mistake counts as gross…"""

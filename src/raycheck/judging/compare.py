@@ -5,17 +5,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound
 from raycheck.base.images import Image, load_image
 from raycheck.base.text import percent, signed
 from raycheck.judging import checks, sentences
 from raycheck.stats.tiles import SMALLEST, Tile, place, region_means, region_variances, whole
 from raycheck.stats.verdict import ALPHA, CONFIDENCE, SYSTEMATIC, Limits, Outcome
-
-Array = NDArray[np.float64]
 
 TAME_ERROR = 0.05
 """Tiles grow until their standard error is at most this share of their mean, since then no few samples rule

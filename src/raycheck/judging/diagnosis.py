@@ -21,15 +21,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raycheck.base import data
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.judging import parts
 from raycheck.judging.evidence import RELATIVE_FLOOR, Evidence
 from raycheck.scene import variants
-
-Array = NDArray[np.float64]
 
 LIKENESS = 0.1
 """τ"""

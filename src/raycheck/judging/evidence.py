@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.stats.tiles import grid, region_means, region_variances
 from raycheck.truth.expected import Truth
-
-Array = NDArray[np.float64]
 
 RELATIVE_FLOOR = 1e-6
 """Squared relative error that no noise is taken to be below: float32 images and references."""

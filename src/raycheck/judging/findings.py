@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raycheck.base import data, pictures
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ImageError, NotFound, RenderError
 from raycheck.base.images import load_image, write_png
 from raycheck.base.seeds import make_seeds
@@ -23,8 +23,6 @@ from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import grid, region_means
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
-
-Array = NDArray[np.float64]
 
 SPP, IMAGES = 16, 8
 MOST_SCENES = 3

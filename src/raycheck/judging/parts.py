@@ -21,14 +21,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from raycheck.base import data
+from raycheck.base.arrays import Array
 from raycheck.judging.evidence import Evidence
 from raycheck.scene import variants
-
-Array = NDArray[np.float64]
 
 CERTAINTY = 0.99
 """Confidence of the interval of a factor."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ImageError, NotFound
 from raycheck.base.images import Image, load_image
 from raycheck.base.text import signed
@@ -27,8 +28,6 @@ from raycheck.stats.tiles import Tile, region_means
 from raycheck.stats.verdict import Judgement, Limits, Outcome, judge
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
-
-Array = NDArray[np.float64]
 
 
 def image_paths(images: str | Sequence[str | Path]) -> list[Path]:

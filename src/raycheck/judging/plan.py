@@ -7,15 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from raycheck.base.arrays import Array
 from raycheck.stats import statistics as st
 from raycheck.stats.tiles import SMALLEST, region_variances
 from raycheck.stats.verdict import ALPHA, CONFIDENCE, SHARE_IMAGE, SHARE_TILES, SYSTEMATIC, Limits
 from raycheck.truth.expected import Truth
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task
@@ -34,8 +34,6 @@ from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
 from raycheck.stats.verdict import Outcome, judge
 from raycheck.truth.expected import Truth
-
-Array = NDArray[np.float64]
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, RenderError, RenderTimeout
 from raycheck.judging.agenda import oneray_agenda, write_variant
 from raycheck.renderers import commands
@@ -29,8 +29,6 @@ from raycheck.renderers.renderer import Renderer
 from raycheck.scene.techniques import technique
 from raycheck.scene.variants import Variant
 from raycheck.truth import mitsuba
-
-Array = NDArray[np.float64]
 
 MITSUBA = {"mitsuba llvm": "llvm_ad_rgb", "mitsuba scalar": "scalar_rgb"}
 TIMEOUT = 300.0

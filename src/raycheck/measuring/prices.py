@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.images import Image, load_image
 from raycheck.base.seeds import make_seeds
@@ -35,8 +35,6 @@ from raycheck.scene import variants
 from raycheck.scene.techniques import BASELINE, FALLBACK
 from raycheck.scene.variants import Variant
 from raycheck.stats.spread import Spread
-
-Array = NDArray[np.float64]
 
 LEAST_ROUNDS = 3
 PILOT_SPP = 8

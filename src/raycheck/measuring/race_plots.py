@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from raycheck.base import pictures
+from raycheck.base.arrays import Array
 from raycheck.base.text import number
 from raycheck.measuring import log_log
 from raycheck.measuring.log_log import LEFT, RIGHT, WIDTH, Axes
 from raycheck.measuring.races.curves import Curve, SceneCurves, Shown
 from raycheck.stats.convergence import SLOPE, SLOPE_WITHIN, Band, Level
-
-Array = NDArray[np.float64]
 
 COLOURS = 5
 """Curves that have a colour of their own; the others are grey until they are chosen in the table."""

@@ -10,9 +10,9 @@ from typing import Any
 import jinja2
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from raycheck.base import data, pictures
+from raycheck.base.arrays import Array
 from raycheck.base.data import PACKAGE
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
@@ -34,8 +34,6 @@ from raycheck.scene.techniques import BEST, TECHNIQUES, left_out, technique
 from raycheck.scene.variants import Variant
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
-
-Array = NDArray[np.float64]
 
 PICTURE_SPP = 1024
 LECTURE_SPP = 36

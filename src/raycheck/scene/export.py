@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.scene.reader import Camera, Material, Scene, Shape, read_scene
 from raycheck.scene.variants import Variant
 
-Array = NDArray[np.float64]
 SCHEMA = Path(__file__).with_name("scene.schema.json")
 
 _FACES = [

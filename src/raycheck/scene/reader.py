@@ -11,13 +11,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.scene import document
 from raycheck.scene.document import Element
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

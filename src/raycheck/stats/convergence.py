@@ -17,10 +17,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from raycheck.base.arrays import Array, Flags, Indices
 
 OUTLIERS = 0.001
 """Share of the pixels that the figures without outliers leave out."""
@@ -80,7 +79,7 @@ class Scores:
     luck: Array
     """(R,)"""
 
-    def keep(self, rounds: NDArray[np.intp]) -> "Scores":
+    def keep(self, rounds: Indices) -> "Scores":
         return Scores(self.spp, self.gram[np.ix_(rounds, rounds)], self.relmse[rounds],
                       self.mse_without_outliers[rounds], self.relmse_without_outliers[rounds],
                       self.luck[rounds])  # fmt: skip
@@ -124,7 +123,7 @@ def epsilon(reference: Array) -> float:
     return RELATIVE_EPSILON * float(reference.mean()) ** 2 or 1e-12
 
 
-def _without_outliers(residuals: Array) -> NDArray[np.bool_]:
+def _without_outliers(residuals: Array) -> Flags:
     """(R, H, W) pixels that are not among the 0.1 % with the largest squared error."""
     size = (residuals.mean(axis=3) ** 2).reshape(len(residuals), -1)
     out = max(1, round(OUTLIERS * size.shape[1]))
@@ -133,7 +132,7 @@ def _without_outliers(residuals: Array) -> NDArray[np.bool_]:
     return kept.reshape(residuals.shape[:3])
 
 
-def _luck(squared: Array, outliers: NDArray[np.bool_]) -> Array:
+def _luck(squared: Array, outliers: Flags) -> Array:
     """(R,) from squared errors (R, H, W) and where the outliers of each image are."""
     share = np.array([[other[out].sum() for other in squared] for out in outliers])
     share = share / np.maximum(squared.sum(axis=(1, 2)), 1e-300)
@@ -143,7 +142,7 @@ def _luck(squared: Array, outliers: NDArray[np.bool_]) -> Array:
     return result
 
 
-def jackknife(rounds: int, figure: Callable[[NDArray[np.intp]], float]) -> Band:
+def jackknife(rounds: int, figure: Callable[[Indices], float]) -> Band:
     """A figure of all rounds, which `figure` computes from those it is given, with its interval."""
     every = np.arange(rounds)
     value = figure(every)
@@ -207,7 +206,7 @@ def fit(levels: Sequence[Scores], error2: Callable[[Scores], float]) -> Fit | No
     if len(levels) < 3 or min(error2(one) for one in levels) <= 0:
         return None
 
-    def slope(kept: NDArray[np.intp]) -> float:
+    def slope(kept: Indices) -> float:
         squares = [max(error2(one.keep(kept)), 1e-300) for one in levels]
         return float(np.polyfit(x, 0.5 * np.log(squares), 1)[0])
 

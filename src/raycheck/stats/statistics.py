@@ -14,10 +14,9 @@ Distributions are those of scipy.special: scipy.stats, which calls them, takes a
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from raycheck.base.arrays import Array, Flags
 
 # The skewness in Hall's t is itself estimated, which widens the tails: with 32 normal batches the false
 # alarms of t with B−1 degrees of freedom are 1.2, 1.5 and 2.7 times too many at 1e-3, 1.4e-4 and 1e-5. Four
@@ -55,9 +54,9 @@ class Moments:
         return result
 
     @property
-    def exact(self) -> NDArray[np.bool_]:
+    def exact(self) -> Flags:
         """True where neither the batches nor the reference vary, so that bias is a plain difference."""
-        result: NDArray[np.bool_] = self.spread == 0
+        result: Flags = self.spread == 0
         return result
 
 

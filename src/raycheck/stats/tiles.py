@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from raycheck.base.arrays import Array
 
 SMALLEST = 8
 """Side of the smallest tile, pixels."""

@@ -8,11 +8,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array, Flags
 from raycheck.stats import statistics as st
-
-Array = NDArray[np.float64]
 
 ALPHA = 1e-5
 """Chance of a wrong FAIL of one case (a scene and a technique)."""
@@ -193,7 +191,7 @@ def _different(
 
 
 def _too_wide(
-    both: st.Moments, low: Array, high: Array, scale: Array, adjusted: Array, inside: NDArray[np.bool_]
+    both: st.Moments, low: Array, high: Array, scale: Array, adjusted: Array, inside: Flags
 ) -> list[Finding]:
     """What is not known to lie within its limits, the least known first."""
     half = np.where(inside, 0.0, (high - low) / 2 / scale)
@@ -201,13 +199,13 @@ def _too_wide(
     return [_finding(int(i), both, low, high, scale, adjusted) for i in order]
 
 
-def _heavy(found: st.Moments) -> NDArray[np.bool_]:
+def _heavy(found: st.Moments) -> Flags:
     """Where batches are more skewed than the tiles were made for, beyond the error of a skewness of B
     batches.
     """
     b = found.count
     error = np.sqrt(6.0 * b * (b - 1) / ((b - 2) * (b + 1) * (b + 3)))
-    result: NDArray[np.bool_] = np.abs(found.own_skewness) > 0.4 + HEAVY_ERRORS * error
+    result: Flags = np.abs(found.own_skewness) > 0.4 + HEAVY_ERRORS * error
     return result
 
 
@@ -217,7 +215,7 @@ def _omnibus(
     one: st.Moments,
     two: st.Moments,
     expected: Expected,
-    heavy: NDArray[np.bool_],
+    heavy: Flags,
 ) -> float:
     """Each set's tiles, weighted by the other set's variances; too skewed or unvarying ones are left out."""
     if first.shape[1] < 2:
@@ -232,7 +230,7 @@ def _omnibus(
 
 def _inside(
     low: Array, high: Array, both: st.Moments, expected: Expected, limits: Limits, scale: Array
-) -> NDArray[np.bool_]:
+) -> Flags:
     limit = _limit(expected, limits, scale)
     exact = np.abs(both.bias) <= expected.exact_allowance
     return np.where(both.exact, exact, (low >= -limit) & (high <= limit))
@@ -258,7 +256,7 @@ def _finding(index: int, both: st.Moments, low: Array, high: Array, scale: Array
 
 
 def _more_samples(
-    one: st.Moments, both: st.Moments, low: Array, high: Array, inside: NDArray[np.bool_], too_heavy: bool,
+    one: st.Moments, both: st.Moments, low: Array, high: Array, inside: Flags, too_heavy: bool,
     expected: Expected, limits: Limits, scale: Array, level: Array,
 ) -> float:  # fmt: skip
     """Times the samples after which every region would probably be inside its limit, or outside for sure.

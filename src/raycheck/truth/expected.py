@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.stats.tiles import SMALLEST, Tile, quad_tree, region_means, region_variances, whole
 from raycheck.stats.verdict import Expected
 from raycheck.truth.references import Reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.seeds import reference_seed
 from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import BEST, technique
 from raycheck.stats.tiles import SMALLEST, tile_means, tile_sums
 from raycheck.truth import references
-
-Array = NDArray[np.float64]
 
 
 class Batches(Protocol):

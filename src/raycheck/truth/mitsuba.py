@@ -23,13 +23,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound
 from raycheck.base.seeds import reference_seed
 from raycheck.scene.variants import Variant
-
-Array = NDArray[np.float64]
 
 MAX_PIXELS = 2**16
 MAX_SPP_PER_BATCH = 4096

@@ -15,16 +15,14 @@ from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
 from raycheck.base import data
+from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.files import whole
 from raycheck.scene.variants import Variant, ladder, scene_hash, variant
 from raycheck.truth.closed_forms import forms, store
 from raycheck.truth.manifest import dump_manifest, read_manifest
-
-Array = NDArray[np.float64]
 
 CHANNELS = ("R", "G", "B", "variance.R", "variance.G", "variance.B")
 

@@ -3,8 +3,8 @@
 import statistics
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.judging import checks, sentences
 from raycheck.judging.pictures import judge_few
 from raycheck.measuring.races.curves import Curve
@@ -17,8 +17,6 @@ from raycheck.stats.convergence import Fit, Scores
 from raycheck.stats.spread import Spread
 from raycheck.stats.verdict import Outcome
 from raycheck.truth.expected import Truth
-
-Array = NDArray[np.float64]
 
 TARGET = 0.01
 """The relative RMSE that a time is given for."""

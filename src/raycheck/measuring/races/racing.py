@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
 from raycheck.base.files import whole, write_whole
 from raycheck.judging.agenda import standard_technique
@@ -36,8 +36,6 @@ from raycheck.scene.variants import Variant
 from raycheck.stats import convergence
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
-
-Array = NDArray[np.float64]
 
 SCHEMA = 1
 

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from raycheck.measuring import log_log
 from raycheck.measuring.stability import sweeps, tables
-from raycheck.measuring.stability.cases import Case
+from raycheck.measuring.stability.case import Case
 from raycheck.measuring.stability.results import Curve, Point, Result, read
 
 SMALLEST_ERROR = 1e-9

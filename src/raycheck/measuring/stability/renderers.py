@@ -9,13 +9,11 @@ from contextlib import contextmanager
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
-from raycheck.measuring.stability.cases import Case, Settings
+from raycheck.measuring.stability.case import Case, Settings
 from raycheck.renderers.oneray import oneray_command, oneray_path
-
-Array = NDArray[np.float64]
 
 TIMEOUT = 600.0
 

@@ -11,15 +11,14 @@ from contextlib import nullcontext
 
 import numpy as np
 from mpmath import mp
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, RenderError
-from raycheck.measuring.stability.cases import CASES, DIGITS, Case, Parsed, Settings, Truth
+from raycheck.measuring.stability.case import DIGITS, Case, Parsed, Settings, Truth
+from raycheck.measuring.stability.cases import CASES
 from raycheck.measuring.stability.renderers import Oneray, Renders, mitsuba
 from raycheck.measuring.stability.results import Curve, Point, Result
 from raycheck.measuring.step import Step
-
-Array = NDArray[np.float64]
 
 SIGMAS = 5.0
 MITSUBA_WITHIN = 1e-2

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from raycheck.base.text import percent
-from raycheck.measuring.stability.cases import Case
+from raycheck.measuring.stability.case import Case
 from raycheck.measuring.stability.results import Point, Result
 from raycheck.measuring.stability.sweeps import cases_named
 

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.scene.reader import Scene, read_scene
 from raycheck.truth.closed_forms.furnace import furnace
 from raycheck.truth.closed_forms.glass import glass_pane, mixed_material, mixed_material_lines
@@ -21,8 +21,6 @@ from raycheck.truth.closed_forms.mirrors import metal, mirror_corridor, mirror_l
 from raycheck.truth.closed_forms.outdoors import open_sky, sun_and_spot
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance, pixel_means
 from raycheck.truth.closed_forms.solids import edges, in_view, kinks, with_faces
-
-Array = NDArray[np.float64]
 
 
 def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | None:

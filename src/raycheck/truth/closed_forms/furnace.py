@@ -1,15 +1,11 @@
 """A ball in a closed sphere, both diffuse and shining."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array, Indices
 from raycheck.scene.reader import Scene
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import Ball, nearest
-
-Array = NDArray[np.float64]
-
-Indices = NDArray[np.intp]
 
 
 def furnace(scene: Scene) -> Radiance | None:

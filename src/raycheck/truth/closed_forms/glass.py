@@ -4,16 +4,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array, Indices
 from raycheck.scene.reader import Scene
 from raycheck.truth.closed_forms.mirrors import MANY_BOUNCES
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import Plate, film_line_of, nearest, seen, visible_solid_angle
-
-Array = NDArray[np.float64]
-
-Indices = NDArray[np.intp]
 
 
 def glass_pane(scene: Scene) -> Radiance | None:

@@ -3,13 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.scene.reader import Scene
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import Plate, in_view, seen
-
-Array = NDArray[np.float64]
 
 
 def lamp_grid(scene: Scene) -> Radiance | None:

@@ -1,8 +1,8 @@
 """Point lights, and rectangle and ball lights over rectangles."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.scene.reader import Scene, Shape
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import (
@@ -13,8 +13,6 @@ from raycheck.truth.closed_forms.solids import (
     solid,
     visible_solid_angle,
 )
-
-Array = NDArray[np.float64]
 
 
 def point_light(scene: Scene) -> Radiance | None:

@@ -4,15 +4,11 @@ from functools import partial
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array, Indices
 from raycheck.scene.reader import Material, Scene
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import Plate, projected_solid_angle, seen, solid, visible_solid_angle
-
-Array = NDArray[np.float64]
-
-Indices = NDArray[np.intp]
 
 MANY_IMAGES = 40
 """Images of a lamp in facing mirrors, to each side, that count where depth has no limit."""

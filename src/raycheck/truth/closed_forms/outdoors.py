@@ -3,15 +3,11 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array, Flags, Indices
 from raycheck.scene.reader import Scene, Spot
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import Plate, above_horizon, nearest, seen, solid
-
-Array = NDArray[np.float64]
-
-Indices = NDArray[np.intp]
 
 
 def open_sky(scene: Scene) -> Radiance | None:
@@ -48,7 +44,7 @@ def sun_and_spot(scene: Scene) -> Radiance | None:
     if scene.max_depth != 2 or scene.point_lights or scene.sky.any():
         return None
 
-    def reaches(p: Array, way: Array, far: Array) -> NDArray[np.bool_]:
+    def reaches(p: Array, way: Array, far: Array) -> Flags:
         return nearest(scene, p, way)[1] > far
 
     def radiance(o: Array, d: Array) -> tuple[Indices, Array, Array]:

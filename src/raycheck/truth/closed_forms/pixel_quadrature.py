@@ -3,12 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array, Flags, Indices
 from raycheck.scene.reader import Camera
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 Radiance = Callable[[Array, Array], tuple[Indices, Array, Array]]
 """Origins and unit directions (N, 3 each) → what is seen (N,; −1 nothing), how far (N,), radiance (N, 3)."""
@@ -127,7 +124,7 @@ def _integrals(
     return integral, index.min(axis=1), index.max(axis=1)
 
 
-def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array, border: int) -> NDArray[np.bool_]:
+def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array, border: int) -> Flags:
     """Which pixels (H·W,) hold an edge that is not hidden, or see different things along their border."""
     width, height = camera.width, camera.height
     marked = np.zeros((height, width), dtype=bool)
@@ -141,12 +138,12 @@ def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array, border
         visible = distance >= length * (1 - 1e-6)
         marked[y[visible], x[visible]] = True
 
-    def differs(x: Array, y: Array) -> NDArray[np.bool_]:
+    def differs(x: Array, y: Array) -> Flags:
         """Whether neighbours along the last axis of (lines, steps + 1) differ, for each pixel's side."""
         d = camera.directions(x.ravel(), y.ravel())
         index, _, _ = radiance(np.broadcast_to(camera.origin, d.shape), d)
         change = np.diff(index.reshape(x.shape), axis=1) != 0
-        result: NDArray[np.bool_] = change.reshape(len(x), -1, border).any(axis=2)
+        result: Flags = change.reshape(len(x), -1, border).any(axis=2)
         return result
 
     along_x, along_y = (np.linspace(0, n, n * border + 1) for n in (width, height))

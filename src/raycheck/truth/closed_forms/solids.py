@@ -5,12 +5,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array, Flags, Indices
 from raycheck.scene.reader import Camera, Scene, Shape
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 EDGE_POINTS = 6000
 """Points along an edge; far denser than pixels."""
@@ -125,7 +122,7 @@ class Plate:
         """Mirror images of points (…, 3) in the rectangle's plane."""
         return points - 2 * ((points - self.origin) @ self.normal)[..., None] * self.normal
 
-    def is_window(self, p: Array, targets: Array) -> NDArray[np.bool_]:
+    def is_window(self, p: Array, targets: Array) -> Flags:
         """Whether all segments from points (N, 3) to targets (K, 3) pass through the rectangle."""
         side = (p - self.origin) @ self.normal
         inside = np.ones(len(p), dtype=bool)
@@ -281,7 +278,7 @@ def ball_solid_angle(p: Array, n: Array, ball: Ball) -> Array:
     return np.where(cosine >= sine_ball, whole, np.where(cosine <= -sine_ball, 0.0, cut))
 
 
-def is_free(p: Array, n: Array, light: Shape, other: Shape) -> NDArray[np.bool_]:
+def is_free(p: Array, n: Array, light: Shape, other: Shape) -> Flags:
     """Points (N,) from which `other` surely hides nothing of a light; False where that is not known.
 
     Since it is below the horizon, or behind a one-sided flat light, or light and point are on one side of it,
@@ -302,11 +299,11 @@ def is_free(p: Array, n: Array, light: Shape, other: Shape) -> NDArray[np.bool_]
         low, high = middle - lamp.radius, middle + lamp.radius
     own = (p - body.origin) @ body.normal
     one_side = (low >= -1e-9) & (own >= -1e-9) | (high <= 1e-9) & (own <= 1e-9)
-    result: NDArray[np.bool_] = below | behind | one_side | apart
+    result: Flags = below | behind | one_side | apart
     return result
 
 
-def _cones_apart(p: Array, one: Shape, other: Shape) -> NDArray[np.bool_]:
+def _cones_apart(p: Array, one: Shape, other: Shape) -> Flags:
     """Whether the cones from p (N, 3) around two shapes have no direction in common."""
     axes, angles = [], []
     for shape in (one, other):
@@ -318,7 +315,7 @@ def _cones_apart(p: Array, one: Shape, other: Shape) -> NDArray[np.bool_]:
         axes.append(to_center / d[:, None])
         angles.append(np.where(d > radius, np.arcsin(np.minimum(radius / d, 1)), math.pi))
     between = np.arccos(np.clip(np.einsum("ij,ij->i", *axes), -1, 1))
-    result: NDArray[np.bool_] = between > angles[0] + angles[1]
+    result: Flags = between > angles[0] + angles[1]
     return result
 
 

@@ -11,12 +11,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from raycheck.base.arrays import Array
 from raycheck.base.files import whole
 from raycheck.truth.closed_forms import forms
-
-Array = NDArray[np.float64]
 
 VERSION = 1
 """Of the formulas: to be raised with any change of what comes out of them, and with no other."""
