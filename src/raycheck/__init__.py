@@ -23,18 +23,9 @@ if TYPE_CHECKING:
     from raycheck.stats.verdict import Limits, Outcome
 
 __all__ = [
-    "Case",
-    "Comparison",
-    "Image",
-    "ImageError",
-    "Limits",
-    "NotFound",
-    "Outcome",
-    "Verification",
-    "compare",
-    "load_image",
-    "verify",
-]
+    "Case", "Comparison", "Image", "ImageError", "Limits", "NotFound", "Outcome", "Verification", "compare",
+    "load_image", "verify",
+]  # fmt: skip
 _PLACES = {
     "base.errors": ("ImageError", "NotFound"),
     "base.images": ("Image", "load_image"),

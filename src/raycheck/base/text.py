@@ -1,6 +1,8 @@
 """Numbers for people."""
 
+import json
 import math
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -51,3 +53,17 @@ def rounded(value: object) -> object:
     if isinstance(value, list | tuple):
         return [rounded(v) for v in value]
     return value
+
+
+def scenes_json(
+    header: Mapping[str, object], key: str, scenes: Iterable[tuple[object, Sequence[object]]]
+) -> str:
+    """A header, and scenes, each with its figures and under `key` a row a line: a new measurement is a
+    readable difference. All numbers have four digits.
+    """
+    listed = []
+    for head, rows in scenes:
+        text, *lines = (json.dumps(rounded(x), ensure_ascii=False, allow_nan=False) for x in (head, *rows))
+        listed.append(f'{text[:-1]}, "{key}": [\n   ' + ",\n   ".join(lines) + "]}")
+    top = json.dumps(dict(header), indent=1, ensure_ascii=False).removesuffix("\n}")
+    return f'{top},\n "scenes": [\n  ' + ",\n  ".join(listed) + "\n ]\n}\n"

@@ -6,11 +6,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from raycheck.base.errors import NotFound
 from raycheck.commands.grade_check import check_assignment
-from raycheck.commands.support import make_console, plain_errors
+from raycheck.commands.support import COLOURS, make_console, make_table, plain_errors
 from raycheck.grading import course
 from raycheck.grading.assignment import Assignment, read_assignment
 from raycheck.grading.jail import sandbox
@@ -20,13 +19,11 @@ from raycheck.grading.results import StudentResult
 from raycheck.grading.written import tables
 from raycheck.grading.written.pages import number, sentence
 from raycheck.renderers import pools
-from raycheck.stats.verdict import Outcome
 
 STUDENT_SPEED = 3e5
 """Paths a second: what tests/submissions/honest traces of cornell-box, its slowest scene, on one core."""
 PLATFORM_SECONDS = 600.0
 """Gradescope's, by default."""
-COLOURS = {Outcome.PASS: "green", Outcome.FAIL: "bold red", Outcome.INCONCLUSIVE: "yellow"}
 
 Submitted = Annotated[
     Path | None, typer.Argument(metavar="[SUBMISSION]", help="A folder or an archive (zip, tar).")
@@ -147,11 +144,8 @@ def _package(platform: str, assignment: Path, path: Path) -> None:
 
 def _show(asked: Assignment, results: list[StudentResult], out: Path) -> None:
     console = make_console()
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("student")
-    for task in asked.tasks:
-        table.add_column(task.id, justify="right")
-    table.add_column("total", justify="right")
+    numbers = [*(task.id for task in asked.tasks), "total"]
+    table = make_table(("student", *numbers), right=numbers)
     for result in results:
         cells = [
             f"[{COLOURS[t.verdict]}]{number(t.points)}{'?' if t.pending else ''}[/]" for t in result.tasks

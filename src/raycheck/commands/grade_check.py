@@ -9,7 +9,7 @@ from rich.table import Table
 
 from raycheck.base.text import duration, percent
 from raycheck.calibration import assignments
-from raycheck.commands.support import make_console
+from raycheck.commands.support import make_console, make_table
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
@@ -43,9 +43,7 @@ def check_assignment(path: Path, paths_per_second: float, limit: float, names: S
 
 
 def _table(results: Sequence[assignments.TaskCheck]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in COLUMNS:
-        table.add_column(name, justify="right" if name in ("time", "notices") else "left")
+    table = make_table(COLUMNS, right=("time", "notices"))
     for one in results:
         by = {outcome: [n for n, o in one.mistakes.items() if o is outcome] for outcome in Outcome}
         seen = f"{len(by[Outcome.FAIL])} of {len(one.mistakes)}" if one.mistakes else ""

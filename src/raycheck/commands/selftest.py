@@ -6,10 +6,9 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from raycheck.base.errors import NotFound
-from raycheck.commands.support import make_console, plain_errors
+from raycheck.commands.support import make_console, make_table, plain_errors
 from raycheck.grading import attacks
 from raycheck.grading.jail import sandbox
 from raycheck.grading.jail.limits import Limits
@@ -59,9 +58,7 @@ def _usable(tier: sandbox.Tier) -> sandbox.Tier:
 
 def _show(survived: list[attacks.Survived], sandbox_: str) -> None:
     console = make_console()
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("attack", "survived", "reason"):
-        table.add_column(name)
+    table = make_table(("attack", "survived", "reason"))
     for one in survived:
         good = "[green]yes[/]" if not one.problem else "[bold red]NO[/]"
         table.add_row(one.name, good, (one.problem or one.reason).replace("[", "(")[:110])

@@ -3,7 +3,6 @@
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from raycheck.base.files import write_whole
 from raycheck.base.machine import machine, raycheck_version
@@ -11,6 +10,7 @@ from raycheck.commands import options
 from raycheck.commands.support import (
     command_line,
     make_console,
+    make_table,
     plain_errors,
     progress_bar,
     writable,
@@ -36,9 +36,9 @@ def stability(
     with progress_bar("sweeping") as on_case, plain_errors():
         wanted = sweeps.cases_named(cases or ())
         results = sweeps.run(wanted, quick, seed, on_case)
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for index, name in enumerate(tables.COLUMNS):
-        table.add_column(name, no_wrap=index < 4)
+    table = make_table(tables.COLUMNS[:4], wrap=False)
+    for name in tables.COLUMNS[4:]:
+        table.add_column(name)
     for result in results:
         table.add_row(*tables.row(result), style=None if result.holds() else "red")
     make_console().print(table)

@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -10,6 +10,7 @@ from typing import Protocol
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from raycheck.base.errors import ImageError, NotFound, PatchError, ReferenceError_, RenderError
 
@@ -17,6 +18,14 @@ from raycheck.base.errors import ImageError, NotFound, PatchError, ReferenceErro
 def make_console() -> Console:
     """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
     return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
+
+
+def make_table(columns: Iterable[str], right: Iterable[str] = (), wrap: bool = True) -> Table:
+    """Without lines; numbers stand to the right."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in columns:
+        table.add_column(name, justify="right" if name in right else "left", no_wrap=not wrap)
+    return table
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from raycheck.commands import options
 from raycheck.commands.support import (
     command_line,
     make_console,
+    make_table,
     parse_settings,
     plain_errors,
     progress_bar,
@@ -50,9 +51,7 @@ def _show_prices(result: list[prices.ScenePrices]) -> None:
     """A table of each scene, and what the techniques in them are."""
     console = make_console()
     for one in result:
-        table = Table(box=None, pad_edge=False, header_style="bold")
-        for index, name in enumerate(price_tables.COLUMNS):
-            table.add_column(name, justify="left" if index < 2 else "right", no_wrap=True)
+        table = make_table(price_tables.COLUMNS, right=price_tables.COLUMNS[2:], wrap=False)
         for each in one.prices:
             table.add_row(*price_tables.row(each), style="bold" if each.technique == one.baseline else None)
         console.print(f"[bold]{one.scene}[/], {one.rounds} rounds, against {one.baseline}", highlight=False)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import typer
-from rich.table import Table
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
@@ -13,6 +12,7 @@ from raycheck.commands import options
 from raycheck.commands.support import (
     COLOURS,
     make_console,
+    make_table,
     parse_settings,
     plain_errors,
     progress_bar,
@@ -73,12 +73,8 @@ def verify(
 def show(result: Verification) -> None:
     """The table of verdicts, and a sentence for each that is not PASS."""
     console = make_console()
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("scene", "technique"):
-        table.add_column(name, no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    for name in ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds"):
-        table.add_column(name, justify="right", no_wrap=True)
+    figures = ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds")
+    table = make_table(("scene", "technique", "verdict", *figures), right=figures, wrap=False)
     for case in result.cases:
         table.add_row(case.scene, case.technique, f"[{COLOURS[case.verdict]}]{case.verdict}[/]", *_row(case))
     console.print(table)
@@ -93,12 +89,10 @@ def show(result: Verification) -> None:
             )
     totals = result.header.get("totals", {})
     counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
-    figures = [case.mde_image for case in result.cases if case.mde_image is not None]
+    seen = [case.mde_image for case in result.cases if case.mde_image is not None]
     sentence = f"{counts} in {duration(float(totals.get('seconds', 0.0)))}"
-    if figures:
-        sentence += (
-            f"; a bias of {percent(max(figures))} of the image mean would have been noticed everywhere"
-        )
+    if seen:
+        sentence += f"; a bias of {percent(max(seen))} of the image mean would have been noticed everywhere"
     console.print()
     console.print(sentence + ".", highlight=False)
     console.print(_judged_against(result.cases), highlight=False, soft_wrap=True)

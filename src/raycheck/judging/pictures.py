@@ -1,12 +1,10 @@
 """Pictures that are already rendered, even a single one."""
 
 import glob
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.evidence import evidence
 from raycheck.judging.plan import cumulants, equivalent_spp, residual_skewness, tile_skewness
 from raycheck.judging.settings import BATCHES
-from raycheck.judging.telling import figures, known_as, told
+from raycheck.judging.telling import case_maker, figures, known_as, told
 from raycheck.judging.verdicts import Case
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
@@ -53,22 +51,8 @@ def judge_pictures(
     of: variants.Variant, loaded: Sequence[Image], names: Sequence[str], limits: Limits
 ) -> Case:
     """Judge pictures that were already rendered, even a single one; their names are for messages."""
-    started = time.perf_counter()
     truth = truth_of(references.load_reference(of))
-
-    def case(verdict: Outcome, reason: str, **figures: Any) -> Case:
-        seconds, closed = time.perf_counter() - started, truth.closed_form
-        return Case(
-            of.label,
-            "images",
-            verdict,
-            reason,
-            seconds=seconds,
-            closed_form=closed,
-            images=len(loaded),
-            **figures,
-        )
-
+    case = case_maker(of.label, "images", truth, images=len(loaded))
     try:
         for image, name in zip(loaded, names, strict=True):
             check_contract(image, truth, name)

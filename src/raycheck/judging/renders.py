@@ -1,13 +1,11 @@
 """One case: a renderer's pictures of a scene, made with many seeds and judged."""
 
 import hashlib
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +26,7 @@ from raycheck.judging.settings import (
     Settings,
     case_seeds,
 )
-from raycheck.judging.telling import figures, known_as, told
+from raycheck.judging.telling import case_maker, figures, known_as, told
 from raycheck.judging.verdicts import Case
 from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
@@ -37,16 +35,7 @@ from raycheck.truth.expected import Truth
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    started = time.perf_counter()
-
-    def case(verdict: Outcome, reason: str, **figures: Any) -> Case:
-        seconds = time.perf_counter() - started
-        closed = truth.closed_form
-        return Case(
-            task.label, task.technique, verdict, reason, seconds=seconds, closed_form=closed,
-            unbounded=task.unbounded, **figures,
-        )  # fmt: skip
-
+    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded)
     technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
     seeds = case_seeds(task.label, technique, settings.seed, taken)
     try:

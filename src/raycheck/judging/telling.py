@@ -1,14 +1,17 @@
 """A judgement as the figures and the sentence of a case."""
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 from raycheck.base.images import Image
 from raycheck.judging import diagnosis, sentences
 from raycheck.judging.evidence import Evidence
+from raycheck.judging.verdicts import Case
 from raycheck.scene import variants
 from raycheck.stats.tiles import Tile
 from raycheck.stats.verdict import Judgement, Outcome
+from raycheck.truth.expected import Truth
 
 
 def known_as(of: variants.Variant) -> str:
@@ -39,20 +42,27 @@ def told(
     return found, sentence
 
 
+def case_maker(label: str, technique: str, truth: Truth, **known: Any) -> Callable[..., Case]:
+    """case(verdict, reason, **figures), with what is known already and the seconds since now."""
+    started = time.perf_counter()
+
+    def case(verdict: Outcome, reason: str, **figures: Any) -> Case:
+        what = {"seconds": time.perf_counter() - started, "closed_form": truth.closed_form} | known | figures
+        return Case(label, technique, verdict, reason, **what)
+
+    return case
+
+
+FIGURES = (
+    "bias", "bias_low", "bias_high", "mde_image", "mde_tile_p90", "mde_tile_max", "p_image", "p_tile",
+    "p_omnibus", "tile_differences", "heavy_tailed",
+)  # fmt: skip
+"""Of a judgement, that its case has too."""
+
+
 def figures(found: Judgement, regions: list[Tile]) -> dict[str, Any]:
-    return {
-        "bias": found.bias,
-        "bias_low": found.bias_low,
-        "bias_high": found.bias_high,
-        "mde_image": found.mde_image,
-        "mde_tile_p90": found.mde_tile_p90,
-        "mde_tile_max": found.mde_tile_max,
-        "tiles": len(regions) - 1,
-        "channel": sentences.CHANNELS[found.channel],
-        "p_image": found.p_image,
-        "p_tile": found.p_tile,
-        "p_omnibus": found.p_omnibus,
-        "tile_differences": found.tile_differences,
-        "heavy_tailed": found.heavy_tailed,
-        "more_samples": found.more_samples if found.outcome is Outcome.INCONCLUSIVE else None,
-    }
+    """Those of a case."""
+    more = found.more_samples if found.outcome is Outcome.INCONCLUSIVE else None
+    channel = sentences.CHANNELS[found.channel]
+    same = {name: getattr(found, name) for name in FIGURES}
+    return same | {"tiles": len(regions) - 1, "channel": channel, "more_samples": more}

@@ -151,12 +151,8 @@ def _header(
     totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {
         "raycheck": raycheck_version(),
-        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "machine": machine(),
-        "mode": "thorough" if thorough else "quick",
-        "seed": seed,
-        "jobs": jobs,
-        "alpha": 1e-5,
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), "machine": machine(),
+        "mode": "thorough" if thorough else "quick", "seed": seed, "jobs": jobs, "alpha": 1e-5,
         "totals": totals | {"seconds": round(max(spent, sum(case.seconds for case in cases)), 1)},
         "left_out": dict(left_out),
-    }
+    }  # fmt: skip

@@ -27,7 +27,7 @@ from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.images import Image, load_image
 from raycheck.base.seeds import make_seeds
-from raycheck.base.text import rounded
+from raycheck.base.text import scenes_json
 from raycheck.judging.agenda import Task, oneray_agenda
 from raycheck.measuring.step import Step
 from raycheck.renderers.commands import Command
@@ -123,16 +123,12 @@ def price(name: str, spp: int, own: Sequence[Measurement], baseline: Sequence[Me
     ratios = [a / b for a, b in zip(ours, theirs, strict=True)] if min(theirs) > 0 else None
     gains = [1 / (v * t) for v, t in zip(ratios, times, strict=True)] if ratios and min(ratios) > 0 else None
     return Price(
-        technique=name,
-        spp=spp,
-        variance=float(variances.mean()),
-        variance_error=relative_error(variances),
+        technique=name, spp=spp, variance=float(variances.mean()), variance_error=relative_error(variances),
         seconds_per_sample=statistics.median(one.seconds for one in own),
         build_seconds=statistics.median(one.build_seconds for one in own),
-        relative_variance=Spread.of(ratios) if ratios else None,
-        relative_time=Spread.of(times),
+        relative_variance=Spread.of(ratios) if ratios else None, relative_time=Spread.of(times),
         efficiency=Spread.of(gains) if gains else None,
-    )
+    )  # fmt: skip
 
 
 def most_efficient_first(prices: Sequence[Price]) -> list[Price]:
@@ -251,20 +247,10 @@ def price_list(
 
 
 def to_json(result: Sequence[ScenePrices], header: Mapping[str, object]) -> str:
-    """All figures, four digits each, one technique a line, so that a new measurement is a readable
-    difference.
-    """
-    scenes = []
-    for one in result:
-        lines = ",\n   ".join(
-            json.dumps(rounded(asdict(p)), ensure_ascii=False, allow_nan=False) for p in one.prices
-        )
-        head = {"scene": one.scene, "baseline": one.baseline, "left_out": one.left_out}
-        text = json.dumps(head | {"rounds": one.rounds}, ensure_ascii=False)
-        scenes.append(f'{text[:-1]}, "techniques": [\n   {lines}]}}')
-    top = json.dumps(dict(header), indent=1, ensure_ascii=False).removesuffix("\n}")
-    listed = ",\n  ".join(scenes)
-    return f'{top},\n "scenes": [\n  {listed}\n ]\n}}\n'
+    """All figures, a technique a line."""
+    whole = [asdict(one) for one in result]
+    keys = ("scene", "baseline", "left_out", "rounds")
+    return scenes_json(header, "techniques", [({k: one[k] for k in keys}, one["prices"]) for one in whole])
 
 
 def read(path: Path) -> list[ScenePrices]:

@@ -116,26 +116,13 @@ def write_report(
     cases = [case for case in verdicts["cases"] if case["scene"] in labels]
     sections = [_section(of, oneray, [c for c in cases if c["scene"] == of.label], races) for of in wanted]
     page = template().render(
-        sections=sections,
-        cases=cases,
-        races=_races_summary(races, wanted) if races else None,
-        lecture=_lecture(oneray) if LECTURE_SCENE in labels else [],
-        speed=measured,
-        stability=stiff,
-        legend=pictures.data_uri(pictures.legend()),
-        range=int(pictures.RANGE),
-        verdicts=verdicts,
-        summary=_summary(cases),
-        machine=machine(),
-        version=raycheck_version(),
-        techniques=TECHNIQUES,
+        sections=sections, cases=cases, races=_races_summary(races, wanted) if races else None,
+        lecture=_lecture(oneray) if LECTURE_SCENE in labels else [], speed=measured, stability=stiff,
+        legend=pictures.data_uri(pictures.legend()), range=int(pictures.RANGE), verdicts=verdicts,
+        summary=_summary(cases), machine=machine(), version=raycheck_version(), techniques=TECHNIQUES,
         verification="raycheck verify" + (" --thorough" if verdicts.get("mode") == "thorough" else ""),
-        percent=percent,
-        signed=signed,
-        duration=duration,
-        spp=PICTURE_SPP,
-        lecture_spp=LECTURE_SPP,
-    )
+        percent=percent, signed=signed, duration=duration, spp=PICTURE_SPP, lecture_spp=LECTURE_SPP,
+    )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "index.html"
     write_whole(path, page)

@@ -105,15 +105,9 @@ def render_shard(
             path.write_bytes(data)
         film = Path(folder) / "raycheck.film"
         words = [
-            oneray,
-            Path(folder) / scene,
-            *arguments,
-            "--samples",
-            f"{first}:{count}",
-            "--film",
-            film,
+            oneray, Path(folder) / scene, *arguments, "--samples", f"{first}:{count}", "--film", film,
             "--quiet",
-        ]
+        ]  # fmt: skip
         run_process([str(word) for word in words], hide=folder + os.sep)
         return film.read_bytes()
 

@@ -69,14 +69,11 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
     materials = {bsdf.get("type", "") for bsdf in root.iter("bsdf")}
     unbounded = re.search(r"^\s*Unbounded: ([-a-z, ]+):", text, re.MULTILINE)
     return SceneContent(
-        lights=len(kinds),
-        delta_lights=sum(kind in DELTA_LIGHTS for kind in kinds),
+        lights=len(kinds), delta_lights=sum(kind in DELTA_LIGHTS for kind in kinds),
         max_depth=int(setting("integer", "max_depth", "-1")),
-        rr_depth=int(setting("integer", "rr_depth", "5")),
-        sphere_lights=shining.count("sphere"),
-        flat_lights=sum(kind in FLAT for kind in shining),
-        faces=sum(kind in MANY_FACES for kind in shining),
+        rr_depth=int(setting("integer", "rr_depth", "5")), sphere_lights=shining.count("sphere"),
+        flat_lights=sum(kind in FLAT for kind in shining), faces=sum(kind in MANY_FACES for kind in shining),
         specular=bool(materials & SPECULAR),
         hide_emitters=setting("boolean", "hide_emitters", "false") == "true",
         unbounded=frozenset(unbounded.group(1).replace(" ", "").split(",") if unbounded else ()),
-    )
+    )  # fmt: skip

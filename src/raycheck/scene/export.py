@@ -41,16 +41,11 @@ def export(of: Variant) -> dict[str, Any]:
         for one in _primitives(shape):
             primitives.append({**one, "material": index, "radiance": _numbers(shape.radiance)})
     data = {
-        "scene": of.label,
-        "max_depth": scene.max_depth,
-        "roulette_depth": scene.roulette_depth,
-        "hide_emitters": scene.hide_emitters,
-        "camera": _camera(scene.camera),
-        "materials": [_material(one) for one in materials],
-        "primitives": primitives,
-        "lights": _lights(scene),
-        "sky": _numbers(scene.sky),
-    }
+        "scene": of.label, "max_depth": scene.max_depth, "roulette_depth": scene.roulette_depth,
+        "hide_emitters": scene.hide_emitters, "camera": _camera(scene.camera),
+        "materials": [_material(one) for one in materials], "primitives": primitives,
+        "lights": _lights(scene), "sky": _numbers(scene.sky),
+    }  # fmt: skip
     return {**data, "needs": needs(data)}
 
 

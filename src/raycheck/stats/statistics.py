@@ -85,14 +85,9 @@ def moments(
     reference_freedom = max(reference_batches - 1, 1)
     freedom = safe**4 / (own**2 / batch_freedom + reference_part**2 / reference_freedom + (spread == 0))
     return Moments(
-        count=count,
-        bias=bias,
-        spread=spread,
-        skewness=third / safe**3,
-        own_skewness=third / own_safe**3,
-        freedom=np.where(spread > 0, freedom, batch_freedom),
-        shared=reference_part / safe**2,
-    )
+        count=count, bias=bias, spread=spread, skewness=third / safe**3, own_skewness=third / own_safe**3,
+        freedom=np.where(spread > 0, freedom, batch_freedom), shared=reference_part / safe**2,
+    )  # fmt: skip
 
 
 def hall_t(s: Array, skewness: Array, count: int) -> Array:

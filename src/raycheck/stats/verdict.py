@@ -246,13 +246,9 @@ def _finding(index: int, both: st.Moments, low: Array, high: Array, scale: Array
     region, channel = divmod(index, scale.shape[1])
     at = (region, channel)
     return Finding(
-        region=region,
-        channel=channel,
-        bias=float(both.bias[at] / scale[at]),
-        low=float(low[at] / scale[at]),
-        high=float(high[at] / scale[at]),
-        p=float(p[at]),
-    )
+        region=region, channel=channel, bias=float(both.bias[at] / scale[at]), low=float(low[at] / scale[at]),
+        high=float(high[at] / scale[at]), p=float(p[at]),
+    )  # fmt: skip
 
 
 def _more_samples(

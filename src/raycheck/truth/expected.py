@@ -68,10 +68,7 @@ def truth_of(reference: Reference) -> Truth:
     exact = np.full(mean.shape, np.nan) if reference.closed_form is None else reference.closed_form
     closed = np.isfinite(exact)
     return Truth(
-        mean=np.where(closed, exact, mean),
-        variance=np.where(closed, 0.0, variance),
-        sample_variance=variance * reference.batches * reference.spp_per_batch,
-        skewness=reference.skewness,
-        batches=reference.batches,
-        closed_form=bool(closed.mean() >= 0.9),
-    )
+        mean=np.where(closed, exact, mean), variance=np.where(closed, 0.0, variance),
+        sample_variance=variance * reference.batches * reference.spp_per_batch, skewness=reference.skewness,
+        batches=reference.batches, closed_form=bool(closed.mean() >= 0.9),
+    )  # fmt: skip

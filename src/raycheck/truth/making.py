@@ -181,24 +181,16 @@ def make_reference(
         raise ValueError(f"{of.label}: the image holds NaN or Inf")
     image_error, tile_error = relative_errors(mean, variance)
     entry = {
-        **renderer.made_by,
-        "spp": goal.spp_per_batch,
-        "batches": count,
-        "seeds": [reference_seed(goal.small_batches), count],
-        "skewness_spp": goal.small_spp,
-        "skewness_batches": goal.small_batches,
-        "skewness_seeds": [reference_seed(0), goal.small_batches],
-        "hash": digest,
-        "parameters": dict(of.parameters),
-        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "width": mean.shape[1],
-        "height": mean.shape[0],
-        "seconds": round(time.perf_counter() - start + plan.spent, 1),
-        "image_goal": goal.image,
-        "image_error": float(f"{image_error:.3g}"),
+        **renderer.made_by, "spp": goal.spp_per_batch, "batches": count,
+        "seeds": [reference_seed(goal.small_batches), count], "skewness_spp": goal.small_spp,
+        "skewness_batches": goal.small_batches, "skewness_seeds": [reference_seed(0), goal.small_batches],
+        "hash": digest, "parameters": dict(of.parameters),
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(), "width": mean.shape[1],
+        "height": mean.shape[0], "seconds": round(time.perf_counter() - start + plan.spent, 1),
+        "image_goal": goal.image, "image_error": float(f"{image_error:.3g}"),
         "tile_error_p90": float(f"{tile_error:.3g}"),
         "skewness": {str(size): table for size, table in plan.skewness.items()},
-    }
+    }  # fmt: skip
     references.write_reference(of, mean, variance, entry)
     return entry
 

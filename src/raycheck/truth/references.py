@@ -100,16 +100,11 @@ def load_reference(scene: str | Path | Variant, parameters: Mapping[str, str] | 
             f"{path} is not the image that the manifest describes; {wanted.renew_command} renews it"
         )
     return Reference(
-        name=wanted.name,
-        parameters=wanted.parameters,
-        mean=pixels[..., :3],
-        variance_of_mean=pixels[..., 3:],
-        batches=entry["batches"],
-        spp_per_batch=entry["spp"],
-        entry=entry,
+        name=wanted.name, parameters=wanted.parameters, mean=pixels[..., :3],
+        variance_of_mean=pixels[..., 3:], batches=entry["batches"], spp_per_batch=entry["spp"], entry=entry,
         skewness={int(size): np.array(table, dtype=np.float64) for size, table in entry["skewness"].items()},
         closed_form=closed_form(wanted),
-    )
+    )  # fmt: skip
 
 
 def closed_form(scene: str | Variant, parameters: Mapping[str, str] | None = None) -> Array | None:

@@ -13,16 +13,12 @@ from raycheck.stats.verdict import Outcome
 def results_json(result: StudentResult) -> str:
     """The file that Gradescope reads at /autograder/results/results.json."""
     data: dict[str, Any] = {
-        "score": result.total,
-        "execution_time": round(result.seconds),
-        "output": _overall(result),
-        "output_format": "text",
-        "visibility": "visible",
-        "stdout_visibility": "hidden",
+        "score": result.total, "execution_time": round(result.seconds), "output": _overall(result),
+        "output_format": "text", "visibility": "visible", "stdout_visibility": "hidden",
         "tests": [_test(task, index + 1) for index, task in enumerate(result.tasks)],
         "leaderboard": _leaderboard(result),
         "extra_data": {"submission": result.digest, "pending": result.pending},
-    }
+    }  # fmt: skip
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -61,16 +57,11 @@ def _test(task: TaskResult, index: int) -> dict[str, Any]:
     if task.hint:
         lines.append(sentence(task.hint))
     test: dict[str, Any] = {
-        "name": task.heading,
-        "number": str(index),
-        "max_score": task.most,
-        "score": task.points,
-        "output": "\n".join(lines),
-        "output_format": "text",
-        "visibility": "visible",
+        "name": task.heading, "number": str(index), "max_score": task.most, "score": task.points,
+        "output": "\n".join(lines), "output_format": "text", "visibility": "visible",
         "tags": [t for t in (task.lecture, task.verdict.value, "" if task.executed else NOT_EXECUTED) if t],
         "extra_data": {"verdict": task.verdict.value, "pending": task.pending},
-    }
+    }  # fmt: skip
     if task.pending:
         del test["score"]
     else:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from raycheck.base.errors import NotFound
-from raycheck.base.text import rounded
+from raycheck.base.text import scenes_json
 from raycheck.stats.convergence import Band, Level
 from raycheck.stats.spread import Spread
 
@@ -82,17 +82,8 @@ class SceneCurves:
 
 def to_json(scenes: Sequence[SceneCurves], header: Mapping[str, object]) -> str:
     """All figures, four digits each, a contestant a line."""
-    parts = []
-    for one in scenes:
-        lines = ",\n   ".join(
-            json.dumps(rounded(asdict(c)), ensure_ascii=False, allow_nan=False) for c in one.curves
-        )
-        head = {k: v for k, v in asdict(one).items() if k != "curves"}
-        text = json.dumps(rounded(head), ensure_ascii=False, allow_nan=False)
-        parts.append(f'{text[:-1]}, "curves": [\n   {lines}]}}')
-    top = json.dumps(dict(header), indent=1, ensure_ascii=False).removesuffix("\n}")
-    listed = ",\n  ".join(parts)
-    return f'{top},\n "scenes": [\n  {listed}\n ]\n}}\n'
+    whole = [asdict(one) for one in scenes]
+    return scenes_json(header, "curves", [(one, one.pop("curves")) for one in whole])
 
 
 def read(path: Path) -> tuple[list[SceneCurves], dict[str, Any]]:

@@ -36,22 +36,14 @@ def measured_curve(entry: Entry, of: Variant, truth: Truth, rounds: int) -> Curv
     flag, why = convergence.bend(whole.slope if whole else None, levels[-1].luck, bias)
     varies = scores[-1].variance > convergence.NOTHING * mean**2
     return Curve(
-        name=entry.name,
-        about=entry.contestant.about,
-        command=entry.contestant.command,
-        levels=levels,
-        start_seconds=start,
-        opened=entry.opened,
-        sample_seconds=each,
-        slope=whole.slope if whole else None,
+        name=entry.name, about=entry.contestant.about, command=entry.contestant.command, levels=levels,
+        start_seconds=start, opened=entry.opened, sample_seconds=each, slope=whole.slope if whole else None,
         relative_slope=lines.relative.slope if lines.relative else None,
-        slope_without_outliers=lines.without_outliers.slope if lines.without_outliers else None,
-        flag=flag,
-        why=why,
-        detectable=detectable,
+        slope_without_outliers=lines.without_outliers.slope if lines.without_outliers else None, flag=flag,
+        why=why, detectable=detectable,
         seconds_to_target=_to_target(whole, scores[-1], floor2, mean, each.median, flag),
         efficiency=convergence.efficiency(scores[-1], each.median) if varies else None,
-    )
+    )  # fmt: skip
 
 
 def _times(entry: Entry, rounds: int) -> tuple[float, Spread]:

@@ -41,29 +41,17 @@ def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | No
     return pixel_means(camera, radiance, edges(scene), kinks(scene), border)
 
 
+RECTANGLES_AND_BALLS = (
+    "area-light", "spherical-light", "sphere-light-near", "sphere-light-far", "light-below-horizon",
+    "occluded-lights", "hidden-light", "checkerboard", "touching-light", "many-lights",
+)  # fmt: skip
 FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
-    "point-light": point_light,
-    "area-light": flat_and_round_lights,
-    "spherical-light": flat_and_round_lights,
-    "sphere-light-near": flat_and_round_lights,
-    "sphere-light-far": flat_and_round_lights,
-    "light-below-horizon": flat_and_round_lights,
-    "occluded-lights": flat_and_round_lights,
-    "hidden-light": flat_and_round_lights,
-    "checkerboard": flat_and_round_lights,
-    "touching-light": flat_and_round_lights,
-    "many-lights": flat_and_round_lights,
-    "thousand-lights": lamp_grid,
-    "sun-and-spot": sun_and_spot,
-    "open-sky": open_sky,
-    "inside-light": furnace,
-    "furnace": furnace,
-    "mirror-light": mirror_light,
-    "mirror-corridor": mirror_corridor,
-    "metal": metal,
-    "glass-pane": glass_pane,
+    **dict.fromkeys(RECTANGLES_AND_BALLS, flat_and_round_lights),
+    "point-light": point_light, "thousand-lights": lamp_grid, "sun-and-spot": sun_and_spot,
+    "open-sky": open_sky, "inside-light": furnace, "furnace": furnace, "mirror-light": mirror_light,
+    "mirror-corridor": mirror_corridor, "metal": metal, "glass-pane": glass_pane,
     "mixed-material": mixed_material,
-}
+}  # fmt: skip
 
 BORDERS = {"mirror-corridor": 64, "glass-pane": 64, "metal": 64, "sun-and-spot": 64}
 """Scenes with edges that only looking finds: steps along a pixel's side."""
