@@ -208,8 +208,7 @@ def make(of: Variant) -> Parts:
 
 
 def _variance(parts: Array) -> Array:
-    result: Array = parts.var(axis=0, ddof=1) / len(parts)
-    return result
+    return np.asarray(parts.var(axis=0, ddof=1) / len(parts))
 
 
 def _without_empty(found: Parts) -> Parts:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from raycheck.commands import options
 from raycheck.commands.support import parse_settings, plain_errors
 from raycheck.scene import code, export, variants
 
@@ -18,10 +19,7 @@ class Form(StrEnum):
 
 def scene(
     name: Annotated[str, typer.Argument(metavar="SCENE", help="A name, a label, or a file.")],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("-D", metavar="name=value", help="Another value for a <default> of the scene."),
-    ] = None,
+    settings: options.Settings = None,
     form: Annotated[Form, typer.Option("--as", help="How to write it.")] = Form.TEXT,
 ) -> None:
     """Print a scene for a renderer without an XML parser: the camera's corner rays, primitives in world

@@ -86,12 +86,9 @@ def judge_pictures(
 
 
 def judge_few(
-    residuals: Array,
-    truth: Truth,
-    limits: Limits = Limits(),
-    quantum: Array | None = None,
+    residuals: Array, truth: Truth, limits: Limits = Limits(), quantum: Array | None = None,
     independent_pixels: bool = True,
-) -> tuple[Judgement, list[Tile], int]:
+) -> tuple[Judgement, list[Tile], int]:  # fmt: skip
     """Judge the residuals (k, H, W, 3) of few images, with its regions and the classes of pixels that make
     them many batches; one where the noise of different pixels is not independent, which needs k ≥ 6.
     """

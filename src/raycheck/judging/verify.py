@@ -87,12 +87,9 @@ def verify(
 
 
 def _judge_pictures(
-    named: Sequence[variants.Variant],
-    scenes: int,
-    images: str | Sequence[str | Path],
-    more: bool,
+    named: Sequence[variants.Variant], scenes: int, images: str | Sequence[str | Path], more: bool,
     limits: Limits,
-) -> Case:
+) -> Case:  # fmt: skip
     """The verdict on pictures that are already rendered; NotFound where the request makes no sense."""
     if more:
         raise NotFound("--images judges pictures: it goes with neither --renderer nor --technique")

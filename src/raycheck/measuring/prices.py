@@ -92,14 +92,12 @@ class ScenePrices:
 
 def sample_variance(stderr: Array, spp: int) -> Array:
     """(H, W) variance of one sample from the standard error (H, W, 3) of the mean of `spp`."""
-    result: Array = (stderr**2).mean(axis=2) * spp
-    return result
+    return np.asarray((stderr**2).mean(axis=2) * spp)
 
 
 def pair_variance(one: Array, other: Array, spp: int) -> Array:
     """(H, W) variance of the mean of `spp` samples, times these, from two independent images (H, W, 3)."""
-    result: Array = ((one - other) ** 2).mean(axis=2) / 2 * spp
-    return result
+    return np.asarray(((one - other) ** 2).mean(axis=2) / 2 * spp)
 
 
 def relative_error(variances: Array) -> float:
@@ -188,12 +186,8 @@ def samples_for(task: Task, seconds: float, seed: int) -> int:
 
 
 def price_scene(
-    tasks: Sequence[Task],
-    rounds: int,
-    seconds: float,
-    spp: int | None,
-    on_case: Callable[[Task], None],
-) -> ScenePrices:
+    tasks: Sequence[Task], rounds: int, seconds: float, spp: int | None, on_case: Callable[[Task], None],
+) -> ScenePrices:  # fmt: skip
     """Measure all techniques of one scene in turn, round after round."""
     seeds = {task.technique: make_seeds(f"{task.label}/{task.technique}/price", rounds + 1) for task in tasks}
     samples = {

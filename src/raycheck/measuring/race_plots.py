@@ -358,13 +358,10 @@ def viewer(scene: SceneCurves, images: Mapping[str, Array]) -> dict[str, Any] | 
         }
 
     return {
-        "scene": scene.scene,
-        "width": scene.width,
-        "height": scene.height,
-        "exposure": pictures.exposure(reference),
-        "mean": float(reference.mean()),
+        "scene": scene.scene, "width": scene.width, "height": scene.height,
+        "exposure": pictures.exposure(reference), "mean": float(reference.mean()),
         "stops": np.round(pictures.STOPS * 255).astype(int).tolist(),
         "reference": base64.b64encode(rgbe(reference)).decode(),
         "samples": [packed(one) for one in scene.equal_samples],
         "time": [packed(one) for one in scene.equal_time],
-    }
+    }  # fmt: skip

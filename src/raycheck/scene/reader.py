@@ -105,8 +105,7 @@ class Camera:
         up = (1 - 2 * y / self.height) * self.tan_x * self.height / self.width
         local = np.stack([right, up, np.ones_like(right)], axis=-1)
         world = local @ self.to_world[:3, :3].T
-        result: Array = world / np.linalg.norm(world, axis=-1, keepdims=True)
-        return result
+        return np.asarray(world / np.linalg.norm(world, axis=-1, keepdims=True))
 
     def film(self, points: Array) -> tuple[Array, Array]:
         """Film positions (x, y) of points (…, 3) in pixels; NaN for points behind the camera."""
@@ -221,8 +220,7 @@ def _rotation(axis: Array, angle: float) -> Array:
     """Rodrigues' formula."""
     x, y, z = axis / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    result: Array = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
-    return result
+    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross))
 
 
 @dataclass

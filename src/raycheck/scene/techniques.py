@@ -42,15 +42,9 @@ class Technique:
 
 
 def _options(
-    estimator: str,
-    hemisphere: str = "cosine",
-    choice: str = "power",
-    points: str = "area",
-    mis: str = "power",
-    mis_pdf: str = "bsdf",
-    roulette: str = "survival",
-    sampler: str = "independent",
-) -> tuple[str, ...]:
+    estimator: str, hemisphere: str = "cosine", choice: str = "power", points: str = "area",
+    mis: str = "power", mis_pdf: str = "bsdf", roulette: str = "survival", sampler: str = "independent",
+) -> tuple[str, ...]:  # fmt: skip
     options = ["--estimator", estimator, "--hemisphere", hemisphere]
     if estimator != "walk":
         options += ["--light-choice", choice]

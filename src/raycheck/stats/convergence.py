@@ -138,8 +138,7 @@ def _luck(squared: Array, outliers: Flags) -> Array:
     share = share / np.maximum(squared.sum(axis=(1, 2)), 1e-300)
     count = len(squared)
     own = np.diag(share)
-    result: Array = own - (share.sum(axis=1) - own) / (count - 1)
-    return result
+    return np.asarray(own - (share.sum(axis=1) - own) / (count - 1))
 
 
 def jackknife(rounds: int, figure: Callable[[Indices], float]) -> Band:

@@ -50,14 +50,12 @@ class Moments:
 
     @property
     def standard_error(self) -> Array:
-        result: Array = self.spread / np.sqrt(self.count)
-        return result
+        return np.asarray(self.spread / np.sqrt(self.count))
 
     @property
     def exact(self) -> Flags:
         """True where neither the batches nor the reference vary, so that bias is a plain difference."""
-        result: Flags = self.spread == 0
-        return result
+        return np.asarray(self.spread == 0)
 
 
 def moments(
@@ -106,8 +104,7 @@ def hall_inverse(t: Array, skewness: Array, count: int) -> Array:
     x = np.asarray(t) / np.sqrt(count) - skewness / (6 * count)
     flat = np.abs(skewness) < 1e-6
     safe = np.where(flat, 1.0, skewness)
-    result: Array = np.where(flat, x - skewness * x**2 / 3, 3 / safe * (np.cbrt(1 + safe * x) - 1))
-    return result
+    return np.asarray(np.where(flat, x - skewness * x**2 / 3, 3 / safe * (np.cbrt(1 + safe * x) - 1)))
 
 
 def one_sided_p(found: Moments, allowance: Array) -> tuple[Array, Array]:
@@ -142,8 +139,7 @@ def two_set_p(first: Moments, second: Moments, allowance: Array) -> Array:
     one, two = one_sided_p(first, allowance), one_sided_p(second, allowance)
     bright = combine(one[0], two[0], shared)
     dark = combine(one[1], two[1], shared)
-    result: Array = np.minimum(1.0, 2 * np.minimum(bright, dark))
-    return result
+    return np.asarray(np.minimum(1.0, 2 * np.minimum(bright, dark)))
 
 
 def holm(p: Array) -> Array:

@@ -105,8 +105,7 @@ def region_means(images: NDArray[np.floating], regions: list[Tile]) -> Array:
     for index in np.flatnonzero(several):
         top, bottom, left, right = spans[index]
         means[..., index, :] = cells[..., top:bottom, left:right, :].sum(axis=(-3, -2))
-    result: Array = means / np.array([[t.pixels] for t in regions])
-    return result
+    return np.asarray(means / np.array([[t.pixels] for t in regions]))
 
 
 def _sums(values: NDArray[np.floating], edges: NDArray[np.integer], axis: int) -> Array:

@@ -59,8 +59,7 @@ class Expected:
     def yardstick(self) -> Array:
         """(R, 3) what a bias is relative to: r for the image, max(r_tile, r_image/10) for a tile."""
         tiles = np.maximum(self.mean, self.mean[0] / 10)
-        result: Array = np.abs(np.concatenate([self.mean[:1], tiles[1:]]))
-        return result
+        return np.asarray(np.abs(np.concatenate([self.mean[:1], tiles[1:]])))
 
     @property
     def allowance(self) -> Array:
@@ -70,8 +69,7 @@ class Expected:
     @property
     def exact_allowance(self) -> Array:
         """(R, 3) difference that never FAILs where nothing varies on either side."""
-        result: Array = 1e-5 * np.abs(self.mean) + 1e-7 * np.abs(self.mean[0]).max() + self.quantum
-        return result
+        return np.asarray(1e-5 * np.abs(self.mean) + 1e-7 * np.abs(self.mean[0]).max() + self.quantum)
 
 
 @dataclass(frozen=True)
@@ -159,23 +157,17 @@ def judge(
     )
     channel = int(np.argmax(t))
     return Judgement(
-        outcome=Outcome.FAIL if fails else Outcome.PASS if passes else Outcome.INCONCLUSIVE,
-        channel=channel,
+        outcome=Outcome.FAIL if fails else Outcome.PASS if passes else Outcome.INCONCLUSIVE, channel=channel,
         bias=float(both.bias[0, channel] / scale[0, channel]),
         bias_low=float(low[0, channel] / scale[0, channel]),
-        bias_high=float(high[0, channel] / scale[0, channel]),
-        mde_image=float(detectable[0].max()),
+        bias_high=float(high[0, channel] / scale[0, channel]), mde_image=float(detectable[0].max()),
         mde_tile_p90=float(np.quantile(worst_of_tile, 0.9, method="higher")),
-        mde_tile_max=float(worst_of_tile.max()),
-        p_image=float(p_image.min()),
-        p_tile=float(p_tile.min(initial=1.0)),
-        p_omnibus=p_omnibus,
-        findings=findings,
+        mde_tile_max=float(worst_of_tile.max()), p_image=float(p_image.min()),
+        p_tile=float(p_tile.min(initial=1.0)), p_omnibus=p_omnibus, findings=findings,
         undecided=_too_wide(both, low, high, scale, adjusted, inside),
         more_samples=_more_samples(one, both, low, high, inside, too_heavy, expected, limits, scale, level),
-        heavy_tailed=heavy_regions,
-        tile_differences=len({f.region for f in findings if f.region > 0}),
-    )
+        heavy_tailed=heavy_regions, tile_differences=len({f.region for f in findings if f.region > 0}),
+    )  # fmt: skip
 
 
 def _different(
@@ -205,18 +197,12 @@ def _heavy(found: st.Moments) -> Flags:
     """
     b = found.count
     error = np.sqrt(6.0 * b * (b - 1) / ((b - 2) * (b + 1) * (b + 3)))
-    result: Flags = np.abs(found.own_skewness) > 0.4 + HEAVY_ERRORS * error
-    return result
+    return np.asarray(np.abs(found.own_skewness) > 0.4 + HEAVY_ERRORS * error)
 
 
 def _omnibus(
-    first: Array,
-    second: Array,
-    one: st.Moments,
-    two: st.Moments,
-    expected: Expected,
-    heavy: Flags,
-) -> float:
+    first: Array, second: Array, one: st.Moments, two: st.Moments, expected: Expected, heavy: Flags,
+) -> float:  # fmt: skip
     """Each set's tiles, weighted by the other set's variances; too skewed or unvarying ones are left out."""
     if first.shape[1] < 2:
         return 1.0

@@ -162,12 +162,9 @@ def accumulate(
 
 
 def make_reference(
-    of: variants.Variant,
-    renderer: Batches,
-    plan: Pilot,
-    goal: Goal,
+    of: variants.Variant, renderer: Batches, plan: Pilot, goal: Goal,
     progress: Callable[[], object] = lambda: None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Render the large batches, write image and manifest entry, return the entry.
 
     Raises ValueError for an image that holds NaN or Inf.

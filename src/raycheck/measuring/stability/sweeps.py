@@ -75,15 +75,9 @@ def _size(point: Point) -> float:
 
 
 def _render_point(
-    case: Case,
-    x: float,
-    settings: Settings,
-    truth: Truth,
-    renderer: Renders,
-    within: float,
-    samples: int,
+    case: Case, x: float, settings: Settings, truth: Truth, renderer: Renders, within: float, samples: int,
     seed: int,
-) -> Point:
+) -> Point:  # fmt: skip
     expected = float(truth.value) if case.measure == "mean" else 1.0 if case.measure == "bounces" else within
     spp = samples if case.name == "many-samples" else max(1, samples // PIXELS)
     try:

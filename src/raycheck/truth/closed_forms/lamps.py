@@ -28,8 +28,7 @@ def point_light(scene: Scene) -> Radiance | None:
         to_light = light.position - p
         d = np.linalg.norm(to_light, axis=-1)
         cosine = np.maximum(0, np.einsum("ij,ij->i", to_light, n) / d)
-        result: Array = (cosine / d**2)[:, None] * light.intensity
-        return result
+        return np.asarray((cosine / d**2)[:, None] * light.intensity)
 
     return lambda o, d: seen(scene, o, d, irradiance)
 

@@ -101,8 +101,7 @@ def reflectance_of(material: Material, cosine: Array) -> Array:
     c = np.clip(cosine, 0, 1)[:, None]
     inside = np.sqrt(n**2 - (1 - c**2))
     s, p = (c - inside) / (c + inside), (n**2 * c - inside) / (n**2 * c + inside)
-    result: Array = material.reflectance * (np.abs(s) ** 2 + np.abs(p) ** 2) / 2
-    return result
+    return np.asarray(material.reflectance * (np.abs(s) ** 2 + np.abs(p) ** 2) / 2)
 
 
 def metal(scene: Scene) -> Radiance | None:

@@ -143,8 +143,7 @@ def _pixels_with_edges(camera: Camera, radiance: Radiance, points: Array, border
         d = camera.directions(x.ravel(), y.ravel())
         index, _, _ = radiance(np.broadcast_to(camera.origin, d.shape), d)
         change = np.diff(index.reshape(x.shape), axis=1) != 0
-        result: Flags = change.reshape(len(x), -1, border).any(axis=2)
-        return result
+        return np.asarray(change.reshape(len(x), -1, border).any(axis=2))
 
     along_x, along_y = (np.linspace(0, n, n * border + 1) for n in (width, height))
     rows = differs(*np.meshgrid(along_x, np.arange(height + 1.0)))

@@ -80,8 +80,7 @@ class Plate:
     def normal(self) -> Array:
         outward = np.linalg.inv(self.shape.to_world[:3, :3])[2]
         outward = outward / np.linalg.norm(outward)
-        result: Array = -outward if self.shape.flipped else outward
-        return result
+        return np.asarray(-outward if self.shape.flipped else outward)
 
     @property
     def corners(self) -> Array:
@@ -90,8 +89,7 @@ class Plate:
 
     def at(self, x: Array, y: Array) -> Array:
         """Points (…, 3) at local coordinates x, y (…)."""
-        result: Array = self.origin + x[..., None] * self.axes[0] + y[..., None] * self.axes[1]
-        return result
+        return np.asarray(self.origin + x[..., None] * self.axes[0] + y[..., None] * self.axes[1])
 
     def local(self, points: Array) -> tuple[Array, Array]:
         """Local coordinates x, y of points (…, 3), which are 1 in size at the rectangle's edges."""
@@ -299,8 +297,7 @@ def is_free(p: Array, n: Array, light: Shape, other: Shape) -> Flags:
         low, high = middle - lamp.radius, middle + lamp.radius
     own = (p - body.origin) @ body.normal
     one_side = (low >= -1e-9) & (own >= -1e-9) | (high <= 1e-9) & (own <= 1e-9)
-    result: Flags = below | behind | one_side | apart
-    return result
+    return np.asarray(below | behind | one_side | apart)
 
 
 def _cones_apart(p: Array, one: Shape, other: Shape) -> Flags:
@@ -315,8 +312,7 @@ def _cones_apart(p: Array, one: Shape, other: Shape) -> Flags:
         axes.append(to_center / d[:, None])
         angles.append(np.where(d > radius, np.arcsin(np.minimum(radius / d, 1)), math.pi))
     between = np.arccos(np.clip(np.einsum("ij,ij->i", *axes), -1, 1))
-    result: Flags = between > angles[0] + angles[1]
-    return result
+    return np.asarray(between > angles[0] + angles[1])
 
 
 def visible_solid_angle(p: Array, n: Array, light: Plate, others: Sequence[Shape]) -> Array:
