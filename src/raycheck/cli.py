@@ -34,7 +34,7 @@ COMMANDS = (
 
 
 class Commands(TyperGroup):
-    """Those of COMMANDS, each from its module."""
+    """The group of all COMMANDS: each comes from its module."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(COMMANDS)

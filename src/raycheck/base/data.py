@@ -19,6 +19,6 @@ def references_dir() -> Path:
 
 
 def _found(name: str) -> Path:
-    """As a wheel has it, in the package, else as a checkout has it."""
+    """The folder as a wheel has it, in the package, else as a checkout has it."""
     places = (PACKAGE / name, ROOT / name)
     return next((place for place in places if place.is_dir()), places[-1])

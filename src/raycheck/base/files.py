@@ -8,7 +8,7 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Where to write what is to become the file `path`: it takes its place at the end, or nothing is left."""
+    """Gives a path to write to, which takes the place of `path` at the end; or nothing is left of it."""
     with tempfile.TemporaryDirectory(dir=path.absolute().parent, prefix=".writing-") as scratch:
         partial = Path(scratch) / path.name
         yield partial

@@ -153,7 +153,7 @@ def run_gradings(
 
 
 def _pool(jobs: int | None, dask: str | None) -> pools.Pool | None:
-    """None is this process."""
+    """The pool that was asked for; None is this process."""
     pool = pools.chosen(jobs, dask)
     return None if pool == pools.Here(1) else pool
 

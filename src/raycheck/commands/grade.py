@@ -129,7 +129,7 @@ def grade(
 
 
 def _tier(no_sandbox: bool, dask: str | None) -> sandbox.Tier | None:
-    """None: each machine of a cluster takes its strongest."""
+    """Which sandbox is used; None where each machine of a cluster takes its strongest."""
     if no_sandbox:
         return sandbox.Tier.NONE
     return None if dask else sandbox.best_tier()

@@ -101,7 +101,7 @@ def show(result: Verification) -> None:
 
 
 def _judged_against(cases: list[Case]) -> str:
-    """Which scenes have a closed form, which outranks Mitsuba, and which do not."""
+    """Says which scenes have a closed form, which outranks Mitsuba, and which do not."""
     closed = sorted({case.scene for case in cases if case.closed_form})
     rendered = sorted({case.scene for case in cases if not case.closed_form})
     parts = [f"closed forms: {', '.join(closed)}"] if closed else []

@@ -154,7 +154,7 @@ def _honest(result: StudentResult) -> Survived:
 
 
 def _outside(work: Path) -> str:
-    """Of what no attack may change: the references, the attacks themselves, and the class folder."""
+    """A digest of what no attack may change: the references, the attacks themselves, and the class folder."""
     return " ".join(digest_of(folder) for folder in (data.references_dir(), FOLDER, work / "class"))
 
 
@@ -172,7 +172,7 @@ def _nothing_left(jails: int) -> Survived:
 
 
 def _owner(process: Path) -> int:
-    """Its user, −1 where it is dead."""
+    """The user of a process, −1 where it is dead."""
     try:
         alive = process.joinpath("stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
         return process.stat().st_uid if alive else -1

@@ -89,7 +89,7 @@ def folder_name(student: str) -> str:
 
 @dataclass(frozen=True)
 class _Pieces(Sequence[Any]):
-    """Of `piece.grade`, one for each submission; made when it is asked for."""
+    """The arguments of `one_submission.grade` for each submission, made when they are asked for."""
 
     grader: Grader
     entries: Sequence[Entry]
@@ -159,7 +159,7 @@ def _kept(grader: Grader, entry: Entry, out: Path) -> StudentResult | None:
 
 
 def _read(path: Path) -> StudentResult | None:
-    """None where there is none, or one of another raycheck."""
+    """The result that is kept; None where there is none, or one of another raycheck."""
     try:
         return StudentResult.read(path)
     except (OSError, ValueError, KeyError, TypeError):

@@ -54,7 +54,7 @@ def _read(file: Path, most_bytes: int, size: tuple[int, int], decoder: Decoder) 
 
 
 def shows_rather(mean: Array, other: Variant, own: Variant) -> bool:
-    """Is the picture (H, W, 3) much nearer to another scene than to the one that it should show?"""
+    """Whether the picture (H, W, 3) is much nearer to another scene than to the one that it should show."""
     near, far = (_distance(mean, references.load_reference(one).best()[0]) for one in (other, own))
     return near < NEARER * far
 

@@ -46,7 +46,7 @@ def hidden_variants(of: Variant, count: int, keys: Keys, folder: Path, delta: fl
 
 
 def pool_index(of: Variant, student: str, count: int, keys: Keys) -> int:
-    """Which one of the pool is a student's: HMAC(secret, student) modulo `count`."""
+    """The number of a student's variant in the pool: HMAC(secret, student) modulo `count`."""
     return keys.number(f"{of.label}/pool/{student}", hidden=True) % count
 
 

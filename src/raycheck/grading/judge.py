@@ -161,7 +161,7 @@ class Grader:
         return result
 
     def state(self, digest: str) -> str:
-        """Of a submission's digest and of all that it is graded by, wherever that is."""
+        """A digest of a submission and of all that it is graded by, wherever that is."""
         asked = replace(self.assignment, path=Path())
         scenes = [references.require(of) for every in self.scenes.values() for of, _, _ in every]
         programs = builds.raycheck_hash(), builds.oneray_hash() if self.compares else ""
@@ -175,7 +175,7 @@ class Grader:
 
     @property
     def compares(self) -> bool:
-        """With oneray, in noise or speed."""
+        """Whether a task compares with oneray, in noise or speed."""
         return any(task.noise_points or task.measures_speed for task in self.assignment.tasks)
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
@@ -266,15 +266,15 @@ class Grader:
         return found
 
     def _stored(self, made: Sequence[Array], published: Variant, of: Variant) -> bool:
-        """Can these pictures, which should show `of`, be of the scene that it varies?"""
+        """Whether these pictures, which should show `of`, can be of the scene that it varies."""
         if not handed_in.shows_rather(np.mean(made, axis=0), published, of):
             return False
         images, names = [Image(pixels) for pixels in made], [str(number) for number in range(len(made))]
         return judge_pictures(published, images, names, self.finds).verdict is not Outcome.FAIL
 
     def _speed(self, task: Task, program: Program, purpose: str) -> dict[str, Any] | None:
-        """With the samples of a longer look where there is time: the less weighs the program's start. Not
-        at all where even a picture of fewer is late.
+        """How fast it is, with the samples of a longer look where there is time: the less weighs the
+        program's start. Not at all where even a picture of fewer is late.
         """
         spp = task.spp
         longer = program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS)
@@ -337,7 +337,7 @@ class Attempt:
 
 
 def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:
-    """Of the variants that these students hand in pictures of."""
+    """Make references of the variants that these students hand in pictures of."""
     of, pool = assignment.scene(task.scenes[0]), picture_pool(assignment, keys, task)
     for index in sorted({pool_index(of, student, task.variants, keys) for student in students}):
         with_reference(pool[index], assignment.delta)

@@ -40,7 +40,9 @@ def write_package(grader: Grader, path: Path) -> None:
 
 
 def _copy_raycheck(folder: Path) -> None:
-    """Its modules with scenes and references inside, as a wheel has them, its version, and what it needs."""
+    """Put in raycheck's modules with scenes and references inside, as a wheel has them, its version, and what
+    it needs.
+    """
     package = folder / "packages/raycheck"
     left_out = shutil.ignore_patterns("__pycache__", "scenes", "references")
     shutil.copytree(PACKAGE, package, ignore=left_out)

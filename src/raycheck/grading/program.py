@@ -64,7 +64,9 @@ class Taken:
         return sum(self.times.values()) + self.lost
 
     def has_time(self, spp: int, more: int, pictures: int) -> bool:
-        """Would so many pictures of `more` samples keep the limits, at the mean pace of those of `spp`?"""
+        """Whether so many pictures of `more` samples would keep the limits, at the mean pace of those of
+        `spp`.
+        """
         each = self.times.get(spp, 0.0) / len(self.pictures.get(spp, [1])) * more / spp
         limits = self.limits
         return each < limits.picture_seconds and self.spent + each * pictures < limits.task_seconds

@@ -51,7 +51,7 @@ class Submission:
         return not self.has_manifest and (self.folder / PICTURES).is_dir()
 
     def pictures(self, task: str) -> list[Path]:
-        """Those that are handed in for a task, in the order of their names."""
+        """The pictures that are handed in for a task, in the order of their names."""
         folder = self.folder / PICTURES / task
         return sorted(p for p in folder.glob("*") if p.suffix.lower() in (".exr", ".pfm") and p.is_file())
 
@@ -100,7 +100,7 @@ def _tar(folder: Path) -> bytes:
 
 
 def may_have_pictures(path: Path, task: str) -> bool:
-    """By the names of its files; always where only unpacking would tell them."""
+    """Whether it may, by the names of its files; it may where only unpacking would tell them."""
     inside = f"{PICTURES}/{task}/"
     try:
         if path.is_dir():

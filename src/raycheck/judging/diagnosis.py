@@ -52,7 +52,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Signatures:
-    """Of one scene."""
+    """The signatures of all mistakes that show in one scene."""
 
     names: Sequence[str]
     error: Array
@@ -140,14 +140,14 @@ def likely(found: Evidence) -> tuple[list[Mistake], parts.Explanation | None]:
 
 
 def _usual(guess: Guess) -> bool:
-    """As strong as the mistake is. Any number explains an error that is a mere factor of some light: a
-    mistake at another strength is then no explanation.
+    """Whether it is as strong as the mistake is. Any number explains an error that is a mere factor of some
+    light: a mistake at another strength is then no explanation.
     """
     return bool(abs(np.log(guess.strength)) < USUAL)
 
 
 def _differs(one: Evidence) -> bool:
-    """As a whole, or in any tile by far."""
+    """Whether a scene differs, as a whole or in any tile by far."""
     square = one.error**2 / (one.variance + RELATIVE_FLOOR * one.scale**2)
     n = one.error.size
     whole = square.sum() > n + SIGNIFICANT * np.sqrt(2 * n)
@@ -191,12 +191,12 @@ def manifest() -> Mapping[str, Any]:
 
 
 def scenes() -> list[str]:
-    """Those that have signatures."""
+    """The scenes that have signatures."""
     return list(manifest()["scenes"])
 
 
 def complete_scenes() -> list[str]:
-    """Those that have the signatures of all mistakes that show in them."""
+    """The scenes that have the signatures of all mistakes that show in them."""
     return [name for name, entry in manifest()["scenes"].items() if entry["complete"]]
 
 

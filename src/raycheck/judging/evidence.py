@@ -41,8 +41,8 @@ class Evidence:
 
 
 def evidence(scene: str, images: Array, truth: Truth) -> Evidence:
-    """From images (B ≥ 1, H, W, 3). The noise of a single one is taken from how its pixels differ within
-    tiles.
+    """The errors of images (B ≥ 1, H, W, 3). The noise of a single one is taken from how its pixels differ
+    within tiles.
     """
     tiles = grid(*truth.shape)
     if len(images) > 1:
@@ -56,7 +56,7 @@ def evidence(scene: str, images: Array, truth: Truth) -> Evidence:
 
 
 def evidence_of_means(scene: str, means: Array, truth: Truth) -> Evidence:
-    """From means (B > 1, T, 3) of the fine tiles.
+    """The errors of images from their means (B > 1, T, 3) over the tiles.
 
     A few images that missed rare bright samples look calmer than they are: no tile's noise is taken to be
     less than the reference's renderer would have there with as many samples, by the median over the tiles.

@@ -141,7 +141,7 @@ def sentence(text: str) -> str:
 
 
 def wrong_parts(found: list[Evidence]) -> list[str]:
-    """Which part of the light is wrong, in the scenes that are furthest off."""
+    """Says which part of the light is wrong, in the scenes that are furthest off."""
     worst = sorted(found, key=lambda one: -one.size)[:MOST_SCENES]
     told = [(one.scene, parts.explain(one)) for one in worst]
     return [f"{scene}: {sentence(sentences.explanation(told))}" for scene, told in told if told]

@@ -61,7 +61,7 @@ LENGTH_GROUPS = {
 
 @dataclass(frozen=True)
 class Parts:
-    """Of one scene."""
+    """What each light, path length and surface adds to one scene."""
 
     lights: Sequence[str]
     lengths: Sequence[str]
@@ -74,7 +74,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Which part of the light has another factor; "" says nothing."""
+    """The part of the light that has another factor; "" says nothing."""
 
     light: str = ""
     length: str = ""
@@ -88,7 +88,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Factor:
-    """Of one part of the light: 1 + bias."""
+    """The factor of one part of the light: 1 + bias."""
 
     of: Hypothesis
     bias: float
@@ -120,7 +120,7 @@ def manifest() -> Mapping[str, Any]:
 
 @functools.lru_cache(maxsize=64)
 def load(scene: str) -> Parts | None:
-    """None where there are none, or those of another state of the scene."""
+    """The parts of a scene; None where there are none, or those of another state of it."""
     entry = manifest().get(scene)
     if entry is None or entry["hash"] != variants.scene_hash(variants.scene_path(scene)):
         return None
@@ -233,12 +233,12 @@ def explain(found: Evidence) -> Explanation | None:
 
 
 def _better(fit: _Fit, families: Iterable[_Fit]) -> bool:
-    """Does any family explain more than chance lets it?"""
+    """Whether any family explains more than chance lets it."""
     return any(fit.chi - family.chi > special.chdtri(len(family.parts), BY_CHANCE) for family in families)
 
 
 def _explanation(fit: _Fit, other: Hypothesis | None = None) -> Explanation | None:
-    """Of the factors that are surely not 1; None if none is, or if any is too little known."""
+    """The factors that are surely not 1; None if none is, or if any is too little known."""
     half = -special.ndtri((1 - CERTAINTY) / 2) * fit.deviations
     if half.max() > SHARP * np.abs(fit.factors).max():
         return None

@@ -150,7 +150,7 @@ class _Interleaved:
 
 
 def _interleave(residuals: Array) -> _Interleaved:
-    """At least 2 × BATCHES batches."""
+    """The residuals as at least 2 × BATCHES batches."""
     classes = 1
     while classes * len(residuals) < 2 * BATCHES:
         classes *= 2

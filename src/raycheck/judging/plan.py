@@ -46,7 +46,7 @@ class Pilot:
 
 
 def measure(images: Array, spp: int | None, truth: Truth, times: Mapping[int, float]) -> Pilot:
-    """From images (B ≥ 3, H, W, 3) at `spp` samples, and seconds of a render by samples per pixel.
+    """The pilot of images (B ≥ 3, H, W, 3) at `spp` samples, and seconds by samples per pixel.
 
     Where `spp` is not known, an image counts as one sample.
     """

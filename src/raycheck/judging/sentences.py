@@ -85,7 +85,7 @@ def explanation(found: Explanation) -> str:
 
 
 def suspicion(mistakes: Sequence[Mistake]) -> str:
-    """Which mistakes a FAIL looks like, as the end of its sentence."""
+    """The mistakes that a FAIL looks like, as the end of its sentence."""
     quoted = [f"“{mistake.mistake.rstrip('.')}”" for mistake in mistakes]
     if len(quoted) < 2:
         return f"; it looks like this mistake: {quoted[0]}" if quoted else ""

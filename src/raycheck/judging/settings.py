@@ -61,5 +61,5 @@ class Settings:
 
 
 def case_seeds(label: str, name: str, seed: int, taken: Collection[int] = ()) -> list[int]:
-    """Of a case's renders: one, the pilot's, the judged sets', and those that time is measured by."""
+    """The seeds of a case: one, the pilot's, the judged sets', and those that time is measured by."""
     return make_seeds(f"{label}/{name}/{seed}", 1 + PILOT_IMAGES + 2 * BATCHES + TIMING_SEEDS, taken)

@@ -61,7 +61,7 @@ FIGURES = (
 
 
 def figures(found: Judgement, regions: list[Tile]) -> dict[str, Any]:
-    """Those of a case."""
+    """The figures of a case."""
     more = found.more_samples if found.outcome is Outcome.INCONCLUSIVE else None
     channel = sentences.CHANNELS[found.channel]
     same = {name: getattr(found, name) for name in FIGURES}

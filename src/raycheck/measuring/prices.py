@@ -113,7 +113,7 @@ def relative_error(variances: Array) -> float:
 
 
 def price(name: str, spp: int, own: Sequence[Measurement], baseline: Sequence[Measurement]) -> Price:
-    """From measurements of a technique and of the baseline in the same rounds."""
+    """The price by measurements of a technique and of the baseline in the same rounds."""
     variances = np.array([one.variance for one in own])
     ours = [float(v.mean()) for v in variances]
     theirs = [float(one.variance.mean()) for one in baseline]
@@ -269,5 +269,5 @@ SPREADS = ("relative_variance", "relative_time", "efficiency")
 
 
 def scenes_named(names: Sequence[str], parameters: Mapping[str, str]) -> list[Variant]:
-    """Those named, or all canonical ones; ReferenceError_ for a name or parameter that there is not."""
+    """The scenes named, or all canonical ones; ReferenceError_ for an unknown name or parameter."""
     return [variants.variant(name, parameters) for name in names or variants.scene_names()]

@@ -76,7 +76,7 @@ class Races:
 
 
 def kept_races(path: Path | None = None) -> Races | None:
-    """Those of an earlier `report --json`, by default of the references; None where there are none."""
+    """The races of an earlier `report --json`, by default of the references; None if there are none."""
     kept = data.references_dir() / "error_curves.json"
     if path is None and not kept.is_file():
         return None

@@ -36,7 +36,7 @@ def _refuse(what: str, path: Path) -> NoReturn:
 
 
 def oneray_hash() -> str:
-    """Of the program, also where it is started by a bundle's script."""
+    """The hash of the program, also where it is started by a bundle's script."""
     oneray = oneray_path()
     inside = oneray.with_name(PROGRAM)
     return hashlib.sha256((inside if inside.is_file() else oneray).read_bytes()).hexdigest()
@@ -44,7 +44,7 @@ def oneray_hash() -> str:
 
 @functools.cache
 def raycheck_hash() -> str:
-    """Of its sources, its scenes, and the list of its references."""
+    """The hash of raycheck's sources, its scenes, and the list of its references."""
     whole = hashlib.sha256()
     for path in _files():
         content = path.read_bytes()

@@ -36,7 +36,7 @@ class TakesPlaceholders:
     words: Sequence[str]
 
     def takes(self, *placeholders: str) -> bool:
-        """Any of them?"""
+        """Whether the words hold any of them."""
         return any(placeholder in word for word in self.words for placeholder in placeholders)
 
     def filled(self, values: Mapping[str, str]) -> list[str]:

@@ -31,7 +31,7 @@ class Pool(Protocol):
 
 
 def chosen(jobs: int | None, dask: str | None) -> "Pool":
-    """Of the options --jobs and --dask; a process a core by default."""
+    """The pool that the options --jobs and --dask ask for; a process a core by default."""
     if dask and jobs:
         raise NotFound("--jobs and --dask: give one of them; a cluster has its own processes")
     return Dask(dask) if dask else Here(jobs or cores())

@@ -73,7 +73,7 @@ def apart(work: Work, *piece: Any, fork: bool = False) -> bytes:
 
 
 def run(pool: Pool | None, work: Work, pieces: Pieces) -> Iterator[tuple[int, bytes]]:
-    """By the helpers of a pool; without one in this process, one piece after another."""
+    """Do the work by the helpers of a pool; without one in this process, one piece after another."""
     if pool is None:
         return ((index, work(*pieces[index])) for index in range(len(pieces)))
     return pool.run(partial(apart, work), pieces)

@@ -182,7 +182,7 @@ def source(data: Mapping[str, Any], language: Language) -> str:
 
 
 def text(data: Mapping[str, Any]) -> str:
-    """For people who type a scene in."""
+    """The scene for people who type it in."""
     camera = data["camera"]
     lines = [
         f"scene {data['scene']}",

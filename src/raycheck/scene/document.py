@@ -46,11 +46,11 @@ class Document:
         return root
 
     def names(self) -> list[str]:
-        """Of the files that it needs besides itself: what it includes, then meshes in their order."""
+        """The names of files that it needs besides itself: what it includes, then meshes in their order."""
         return [*self.included, *(name for _, name in self._meshes(self.root))]
 
     def files(self) -> list[Path]:
-        """Where those are."""
+        """Where the files that it needs are."""
         return [self.path.parent / name for name in self.names()]
 
     def moved(self, place: Callable[[Path], str]) -> Element:
@@ -132,7 +132,7 @@ def _include(root: Element, path: Path, known: dict[str, str]) -> Iterator[str]:
 
 
 def _filled(given: str, known: Mapping[str, str], path: Path) -> str:
-    """With the values of the $names in it."""
+    """A text with the values of the $names in it."""
 
     def value(found: re.Match[str]) -> str:
         if found[0] == "\\$":

@@ -40,5 +40,5 @@ ARGUMENTS = {
 
 
 def argument(technique: str) -> str:
-    """Of a technique such as "L10 next event estimation"."""
+    """The argument for a technique such as "L10 next event estimation"."""
     return ARGUMENTS[technique.split()[0]]

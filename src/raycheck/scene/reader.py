@@ -225,13 +225,13 @@ def _rotation(axis: Array, angle: float) -> Array:
 
 @dataclass
 class _Materials:
-    """Those of a scene; one that several shapes refer to is one and the same."""
+    """The materials of a scene; one that several shapes refer to is one and the same."""
 
     by_id: Mapping[str, Element]
     read: dict[str, Material] = field(default_factory=dict)
 
     def of(self, element: Element) -> Material:
-        """That of a <bsdf>, or of the one that a <ref> means."""
+        """The material of a <bsdf>, or of the one that a <ref> means."""
         if element.tag == "bsdf":
             return self._material(element)
         name = element.get("id", "")

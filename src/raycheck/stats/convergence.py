@@ -100,7 +100,7 @@ class Scores:
 
 
 def score(spp: int, images: Array, reference: Array) -> Scores:
-    """From images (R ≥ 2, H, W, 3) at `spp` samples and the reference (H, W, 3)."""
+    """The scores of images (R ≥ 2, H, W, 3) at `spp` samples beside the reference (H, W, 3)."""
     residuals = images - reference
     flat = residuals.reshape(len(images), -1)
     weight = 1 / (reference**2 + epsilon(reference))
@@ -175,7 +175,7 @@ def level(found: Scores, reference_variance: float) -> Level:
 
 
 def usable(levels: Sequence[Scores], reference_variance: float, reference_mean: float) -> list[Scores]:
-    """Those that show the renderer's error, not the reference's noise or rounding."""
+    """The levels that show the renderer's error, not the reference's noise or rounding."""
     least = max(FLOOR_FACTOR * reference_variance, NOTHING * reference_mean**2)
     return [one for one in levels if one.mse > least]
 
@@ -225,7 +225,7 @@ class Slopes:
 
 
 def slopes(levels: Sequence[Scores], reference: Array, reference_variance: Array) -> Slopes:
-    """From the usable levels; reference and its variance (H, W, 3)."""
+    """The slopes of the usable levels; reference and its variance (H, W, 3)."""
     floor2 = float(reference_variance.mean())
     relative_floor2 = float((reference_variance / (reference**2 + epsilon(reference))).mean())
     return Slopes(

@@ -241,7 +241,7 @@ def _more_samples(
     one: st.Moments, both: st.Moments, low: Array, high: Array, inside: Flags, too_heavy: bool,
     expected: Expected, limits: Limits, scale: Array, level: Array,
 ) -> float:  # fmt: skip
-    """Times the samples after which every region would probably be inside its limit, or outside for sure.
+    """How many times the samples would probably take every region inside its limit, or outside for sure.
 
     A region that shows no bias needs its interval, and 2.5 standard errors of luck, within the limit; one
     that shows a bias beyond 3.5 standard errors needs the samples that would make it FAIL.

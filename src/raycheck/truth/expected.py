@@ -35,7 +35,7 @@ class Truth:
 
     @functools.cached_property
     def digest(self) -> str:
-        """Of what an image is judged against."""
+        """A digest of what an image is judged against."""
         arrays = (self.mean, self.variance, self.sample_variance)
         return hashlib.blake2b(b"".join(a.tobytes() for a in arrays), digest_size=16).hexdigest()
 

@@ -84,7 +84,7 @@ def choose_variant(wanted: str | None = None) -> str:
 
 
 def _probe(variant: str, library: Path | None) -> str | None:
-    """None if a tiny render works, else the last line of what went wrong."""
+    """Try a tiny render: None if it works, else the last line of what went wrong."""
     environment = dict(os.environ)
     if library is not None:
         environment["DRJIT_LIBLLVM_PATH"] = str(library)

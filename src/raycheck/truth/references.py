@@ -65,7 +65,7 @@ class Reference:
 
 
 def is_fresh(wanted: Variant) -> bool:
-    """Is there a reference of just this scene file?"""
+    """Whether there is a reference of just this scene file."""
     try:
         require(wanted)
     except ReferenceError_:
@@ -125,7 +125,7 @@ def _closed_form(path: Path, parameters: tuple[tuple[str, str], ...]) -> Array |
 
 
 def closed_form_file(of: Variant) -> Path:
-    """Where that of a canonical scene is kept, if it takes its time."""
+    """Where the closed form of a canonical scene is kept, if it takes its time."""
     return data.references_dir() / "closed-forms" / f"{of.label}.npz"
 
 

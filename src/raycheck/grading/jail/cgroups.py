@@ -30,7 +30,7 @@ _numbers = itertools.count()
 
 @dataclass(frozen=True)
 class Place:
-    """Where groups can be made that limit something."""
+    """A folder of the kernel where groups can be made that limit something."""
 
     folder: Path
     controllers: tuple[str, ...]
@@ -38,7 +38,9 @@ class Place:
 
 
 class Group:
-    """Of one jail; a context. Without places it limits nothing. OSError where it cannot be made."""
+    """The control group of one jail; a context. Without places it limits nothing. OSError where it cannot be
+    made.
+    """
 
     def __init__(self, places: Sequence[Place], memory_bytes: int, processes: int) -> None:
         self.memory_bytes, self.processes = memory_bytes, processes
@@ -79,7 +81,7 @@ class Group:
 
     @property
     def swelled(self) -> bool:
-        """Was a process killed since all together took too much memory?"""
+        """Whether a process was killed since all together took too much memory."""
         for folder, place in self.folders.items():
             if "memory" in place.controllers:
                 file = folder / ("memory.events" if place.version == 2 else "memory.oom_control")
@@ -102,7 +104,7 @@ def _remove(folder: Path) -> None:
 
 @functools.cache
 def places() -> tuple[Place, ...]:
-    """Where this process can make groups; none where it may not."""
+    """The places where this process can make groups; none where it may not."""
     found = []
     with contextlib.suppress(OSError):  # a kernel without control groups
         for controllers, folder in _memberships():
@@ -118,7 +120,7 @@ def places() -> tuple[Place, ...]:
 
 
 def _works(place: Place) -> bool:
-    """Can a process enter a group there?"""
+    """Whether a process can enter a group there."""
     with Group([place], 1 << 30, 64) as group:
         [door] = group.doors
         enter = ["/bin/sh", "-c", 'echo 0 >"$1"', "sh", door]
@@ -154,7 +156,8 @@ def _memberships() -> Iterator[tuple[list[str], Path]]:
 
 
 def _delegated(folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """Where groups of version 2 can be made, given this process's own; OSError where they cannot."""
+    """The place where groups of version 2 can be made, given this process's own; OSError where they cannot.
+    """
     base = folder.parent if folder.name == OURS else folder
     usable = tuple(name for name in WANTED if name in (base / "cgroup.controllers").read_text().split())
     of_the_kernel = not (base / "cgroup.type").exists()  # the root of all, where processes may be

@@ -91,7 +91,7 @@ def _checked(result: int, what: str) -> int:
 
 
 def landlock_abi() -> int:
-    """Of this kernel; 0 where it has no Landlock or does not use it."""
+    """The version that this kernel has; 0 where it has no Landlock or does not use it."""
     return int(max(libc.syscall(CREATE_RULESET, None, 0, 1), 0))
 
 
@@ -135,7 +135,7 @@ class _Compare(ctypes.Structure):
 
 
 class Filter:
-    """Of system calls, in the making: all are allowed but those that are forbidden."""
+    """A filter of system calls, in the making: all are allowed but those that are forbidden."""
 
     def __init__(self) -> None:
         self.library = ctypes.CDLL("libseccomp.so.2")
@@ -161,13 +161,13 @@ class Filter:
             raise OSError(-added, f"no filter for {name}: {os.strerror(-added)}")
 
     def load(self) -> None:
-        """For the whole life of this process and all that it starts."""
+        """Let it hold for the whole life of this process and all that it starts."""
         result = self.library.seccomp_load(self.context)
         if result:
             raise OSError(-result, f"seccomp_load: {os.strerror(-result)}")
 
     def program(self) -> bytes:
-        """As the kernel takes it."""
+        """The filter as the kernel takes it."""
         with os.fdopen(os.memfd_create("filter"), "r+b") as file:
             result = self.library.seccomp_export_bpf(self.context, file.fileno())
             if result:
@@ -222,7 +222,7 @@ def become(rules: Rules, words: list[str], info: int) -> None:
 
 
 def _tasks() -> int:
-    """Of this user, all of which count against a limit of processes."""
+    """The threads of this user, all of which count against a limit of processes."""
     count = 0
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):

@@ -17,7 +17,7 @@ from raycheck.grading.jail import confine
 
 
 class Confined:
-    """To be used like a Popen."""
+    """A running command, to be used like a Popen."""
 
     servers: ClassVar[dict[int, socket.socket]] = {}
     """By process: one that was forked has none of its own yet."""
@@ -63,7 +63,7 @@ class Confined:
         return self.returncode
 
     def terminate(self) -> None:
-        """Its supervisor ends all that it left."""
+        """Have its supervisor end it and all that it left."""
         if self.poll() is None:
             os.kill(self.pid, signal.SIGTERM)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limits:
-    """Of the sandbox."""
+    """The limits of the sandbox."""
 
     build_seconds: float = 120.0
     picture_seconds: float = 10.0

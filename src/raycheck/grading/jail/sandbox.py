@@ -71,7 +71,9 @@ class Tier(StrEnum):
 
 @dataclass(frozen=True)
 class Jail:
-    """Where a submission's commands run. A `slot` of its own keeps jails that run at the same time apart."""
+    """The place where a submission's commands run. A `slot` of its own keeps jails that run at the same time
+    apart.
+    """
 
     tier: Tier
     limits: Limits
@@ -89,7 +91,7 @@ class Jail:
         return self.ends - time.perf_counter()
 
     def within(self, seconds: float) -> "Jail":
-        """With no more time for a task than that."""
+        """The same jail with no more time for a task than that."""
         shorter = replace(self.limits, task_seconds=min(self.limits.task_seconds, seconds))
         return replace(self, limits=shorter)
 
@@ -184,7 +186,7 @@ class Command:
         return [names.sub(lambda found: places[found[0]], word) for word in self.words]
 
     def sizes(self, limits: Limits) -> list[Size]:
-        """Of the folders that it may write to."""
+        """How large the folders may become that it may write to."""
         sizes = [Size(self.output, limits.output_mb << 20, MOST_OUTPUT_FILES)] if self.output else []
         return [*sizes, Size(self.folder, BUILD_BYTES, MOST_BUILD_FILES)] if self.writable else sizes
 
@@ -236,7 +238,7 @@ def _bubblewrap(limits: Limits, command: Command) -> list[str]:
 
 @functools.lru_cache(maxsize=1)
 def _filter() -> bytes:
-    """Of system calls; NotFound where the library that makes it is missing."""
+    """The filter of system calls; NotFound where the library that makes it is missing."""
     try:
         return confine.Filter().program()
     except OSError as error:
@@ -244,7 +246,7 @@ def _filter() -> bytes:
 
 
 def _rlimits(limits: Limits, seconds: float) -> dict[str, int]:
-    """Of each process."""
+    """The limits of each process."""
     return {
         "RLIMIT_AS": limits.memory_mb << 20, "RLIMIT_FSIZE": limits.output_mb << 20,
         "RLIMIT_CPU": int(seconds * max(4, os.cpu_count() or 1)) + 2, "RLIMIT_CORE": 0, "RLIMIT_NOFILE": 256,

@@ -153,7 +153,7 @@ class _First:
             self.handle = None
 
     def end(self) -> None:
-        """Once its parent is dead; if that was killed early, this would not know."""
+        """End it once its parent is dead; if that was killed early, this would not know."""
         if self.handle is None:
             return
         with contextlib.suppress(ProcessLookupError):
@@ -194,7 +194,7 @@ def _wait(process: Process, bounds: Bounds, started: float) -> str:
 
 
 def _ends(process: Process, seconds: float) -> bool:
-    """Does it within that time? By its descriptor: Popen.wait looks again only after up to 50 ms."""
+    """Whether it ends within that time, by its descriptor: Popen.wait looks only after up to 50 ms."""
     if isinstance(process, subprocess.Popen) and process.poll() is None:
         ended = os.pidfd_open(process.pid)
         try:

@@ -74,7 +74,7 @@ def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], O
 
 
 def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster: Sequence[str]) -> str:
-    """In roster order, then whoever is not on it; who handed in nothing has empty cells."""
+    """The table in roster order, then whoever is not on it; who handed in nothing has empty cells."""
     by_name = {result.student: result for result in results}
     order = [*roster, *sorted(set(by_name) - set(roster))]
     file = io.StringIO()

@@ -101,7 +101,7 @@ BANDS = ("slope", "relative_slope", "slope_without_outliers", "efficiency", "rel
 
 
 def from_dict(found: Mapping[str, Any]) -> SceneCurves:
-    """From what asdict made of it."""
+    """The curves of a scene from what asdict made of them."""
     shown = {k: [Shown(**one) for one in found[k]] for k in ("equal_samples", "equal_time")}
     curves = [_curve_from(one) for one in found["curves"]]
     return SceneCurves(**{**found, **shown, "curves": curves})

@@ -107,7 +107,7 @@ def _baseline(curves: Sequence[Curve]) -> str:
 
 
 def _relative(curves: list[Curve]) -> list[Curve]:
-    """With efficiencies relative to the baseline's."""
+    """The curves with efficiencies relative to the baseline's."""
     base = next((one.efficiency for one in curves if one.name == _baseline(curves)), None)
     return [
         Curve(**{**one.__dict__, "relative_efficiency": convergence.relative(one.efficiency, base)})

@@ -62,7 +62,7 @@ class Result:
     curves: list[Curve]
 
     def holds(self) -> bool:
-        """Does the first renderer reach the goal, with every value up to it?"""
+        """Whether the first renderer reaches the goal, with every value up to it."""
         reached = self.curves[0].points
         order = -1 if reached[0].x > self.goal else 1
         return all(point.holds for point in reached if order * point.x <= order * self.goal)

@@ -23,7 +23,7 @@ WORTH_KEEPING = 0.1
 
 
 def digest(scene_hash: str) -> str:
-    """Of a scene with its parameters, and of the version of what evaluates it."""
+    """A digest of a scene with its parameters, and of the version of what evaluates it."""
     return hashlib.sha256(f"{scene_hash} version {VERSION}".encode()).hexdigest()
 
 
