@@ -35,6 +35,7 @@ from benchmark_growth import AXES, grow
 from benchmark_measure import measure_scene
 from benchmark_scenes import SCENES, BenchScene
 
+from raycheck.base.files import write_whole
 from raycheck.base.machine import machine as processor
 from raycheck.measuring import speed
 
@@ -121,9 +122,7 @@ def save(path: Path | None, result: dict) -> None:
     """Whole or not at all."""
     if path is None:
         return
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, json.dumps(result, indent=1, ensure_ascii=False) + "\n")
 
 
 def chosen(given: argparse.Namespace) -> list[BenchScene]:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+
+from raycheck.base import data
 
 ROOT = Path(__file__).resolve().parents[1] / "src/raycheck"
 LAYERS = (
@@ -66,6 +70,28 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
             break
         left = {name: needs for name, needs in left.items() if name not in free}
     assert not left
+
+
+@pytest.mark.parametrize(
+    ("command", "unwanted"),
+    [
+        ("scene", ("raycheck.judging", "raycheck.truth", "raycheck.grading", "mitsuba", "scipy", "mpmath")),
+        ("render", ("raycheck.judging", "raycheck.grading", "mitsuba", "scipy", "mpmath", "jinja2")),
+        ("verify", ("raycheck.measuring", "raycheck.grading", "mitsuba", "mpmath", "jinja2", "trimesh")),
+        ("compare", ("raycheck.measuring", "raycheck.grading", "mitsuba", "mpmath", "jinja2")),
+        ("grade", ("raycheck.measuring", "mitsuba", "mpmath", "distributed")),
+    ],
+)
+def test_a_command_imports_what_it_needs_alone(command: str, unwanted: tuple[str, ...]) -> None:
+    program = f"import sys, raycheck.cli, raycheck.commands.{command}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not set(unwanted) & set(done.stdout.split())
+
+
+def test_scenes_and_references_of_a_checkout_are_at_its_top() -> None:
+    top = ROOT.parents[1]
+    assert (top, ROOT) == (data.ROOT, data.PACKAGE)
+    assert (data.scenes_dir(), data.references_dir()) == (top / "scenes", top / "references")
 
 
 @pytest.mark.parametrize("package", [name for name, path in MODULES.items() if path.name == "__init__.py"])

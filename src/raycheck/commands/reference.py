@@ -80,7 +80,7 @@ def _make_references(wanted: list[variants.Variant], by: Maker, goal: making.Goa
     for of in wanted:
         renderer = mitsuba.MitsubaBatches(of, variant, jobs) if variant else making.OnerayBatches(of, jobs)
         checked = references.closed_form(of) is not None
-        plan = making.pilot(renderer, goal, checked)
+        plan = making.make_plan(renderer, goal, checked)
         work.append((of, renderer, plan))
         console.print(f"{of.label}: {plan.spp} samples per pixel, about {duration(plan.seconds)}")
     total = sum(plan.seconds for _, _, plan in work)

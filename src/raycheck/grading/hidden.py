@@ -92,7 +92,7 @@ def _with_reference(made: Variant, delta: float) -> Variant:
     goal = replace(GOAL, image=GOAL.image * delta, tile=GOAL.tile * delta)
     if not (references.is_fresh(made) and references.require(made).get("image_goal", 1.0) <= goal.image):
         renderer = making.OnerayBatches(made, cores())
-        plan = making.pilot(renderer, goal)
+        plan = making.make_plan(renderer, goal)
         making.make_reference(made, renderer, plan, goal)
     return made
 

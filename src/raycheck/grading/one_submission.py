@@ -33,7 +33,7 @@ def grade(
         with tempfile.TemporaryDirectory(prefix="raycheck-piece-", ignore_cleanup_errors=True) as place:
             Path(place).chmod(0o711)  # the jail's user reaches what is its own there
             jailed = tier or _best_tier()
-            return workers.apart(_grade, place, assignment, handed, student, slot, jailed, fork=True)
+            return workers.by_helper(_grade, place, assignment, handed, student, slot, jailed, fork=True)
     except OSError as error:
         raise Lost(str(error)) from None
 

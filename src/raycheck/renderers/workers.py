@@ -60,7 +60,7 @@ class Helper:
         self.process.wait()
 
 
-def apart(work: Work, *piece: Any, fork: bool = False) -> bytes:
+def by_helper(work: Work, *piece: Any, fork: bool = False) -> bytes:
     """work(*piece) by this thread's helper, or, with `fork`, by a process that the helper forks for it."""
     helper = getattr(_here, "helper", None)
     if helper is None or helper.process.poll() is not None:
@@ -76,7 +76,7 @@ def run(pool: Pool | None, work: Work, pieces: Pieces) -> Iterator[tuple[int, by
     """Do the work by the helpers of a pool; without one in this process, one piece after another."""
     if pool is None:
         return ((index, work(*pieces[index])) for index in range(len(pieces)))
-    return pool.run(partial(apart, work), pieces)
+    return pool.run(partial(by_helper, work), pieces)
 
 
 def _answer(work: Work, piece: tuple[Any, ...]) -> Any:

@@ -77,7 +77,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class Pilot:
+class Plan:
     """What the small batches say: skewness by tile size, samples per pixel to take, seconds they cost."""
 
     skewness: dict[int, list[list[list[float | None]]]]
@@ -121,7 +121,7 @@ def samples_needed(images: Array, spp: int, goal: Goal, checked: bool) -> int:
     return math.ceil(spp * worst**2)
 
 
-def pilot(renderer: Batches, goal: Goal, checked: bool = False) -> Pilot:
+def make_plan(renderer: Batches, goal: Goal, checked: bool = False) -> Plan:
     """Render the small batches (0 …) and plan the rest; `checked`: a closed form outranks the reference."""
     next(renderer.batches(0, 1, goal.small_spp))
     next(renderer.batches(0, 1, goal.spp_per_batch))
@@ -136,7 +136,7 @@ def pilot(renderer: Batches, goal: Goal, checked: bool = False) -> Pilot:
     )
     if batches * per_batch > goal.most_seconds:
         batches = max(goal.min_batches, int(goal.most_seconds / per_batch))
-    return Pilot(
+    return Plan(
         skewness=skewness_tables(images, goal.small_spp),
         spp=batches * goal.spp_per_batch,
         seconds=batches * per_batch,
@@ -162,7 +162,7 @@ def accumulate(
 
 
 def make_reference(
-    of: variants.Variant, renderer: Batches, plan: Pilot, goal: Goal,
+    of: variants.Variant, renderer: Batches, plan: Plan, goal: Goal,
     progress: Callable[[], object] = lambda: None,
 ) -> dict[str, Any]:  # fmt: skip
     """Render the large batches, write image and manifest entry, return the entry.

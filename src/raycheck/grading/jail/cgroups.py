@@ -156,8 +156,7 @@ def _memberships() -> Iterator[tuple[list[str], Path]]:
 
 
 def _delegated(folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """The place where groups of version 2 can be made, given this process's own; OSError where they cannot.
-    """
+    """The place where groups of version 2 can be made, given this process's own; OSError where none."""
     base = folder.parent if folder.name == OURS else folder
     usable = tuple(name for name in WANTED if name in (base / "cgroup.controllers").read_text().split())
     of_the_kernel = not (base / "cgroup.type").exists()  # the root of all, where processes may be
