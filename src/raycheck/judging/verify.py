@@ -53,7 +53,7 @@ def verify(
     one adds the scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the
     budget of a quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference
     are still the same. `on_case(case, cases in all)` is called after each verdict. Raises
-    `renderers.NotFound` where nothing can be judged.
+    `raycheck.NotFound` where nothing can be judged.
     """
     started = time.perf_counter()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes

@@ -2,7 +2,7 @@
 
 A point fails where its error is beyond what the case allows by more than 5 standard errors, where two
 standard errors are more than what is allowed, so that nothing is shown, where the picture is not finite, or
-where there is none. `scenes/stiff` has the scenes, stability_cases.py the cases.
+where there is none. `scenes/stiff` has the scenes, cases.py the cases.
 """
 
 import math
