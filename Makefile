@@ -180,6 +180,7 @@ test: $(BUILD)/.system-test $(BUILD)/.system $(VENV)/.test
 	+$(call ALL,WERROR=1)
 	$(call VERIFY,45)
 	$(PYTHON) -m ruff check src scripts tests
+	$(PYTHON) -m mypy
 	$(PYTHON) -m pytest -n 2 --dist loadfile
 
 references: $(BUILD)/.system-test $(VENV)/.test

@@ -35,8 +35,9 @@ from benchmark_growth import AXES, grow
 from benchmark_measure import measure_scene
 from benchmark_scenes import SCENES, BenchScene
 
-from raycheck import speed
-from raycheck.verify import machine as processor
+from raycheck.base.files import write_whole
+from raycheck.base.machine import machine as processor
+from raycheck.measuring import speed
 
 QUICK_SCENE, QUICK_POINTS, QUICK_SECONDS = "cornell-2", 3, 0.03
 
@@ -121,9 +122,7 @@ def save(path: Path | None, result: dict) -> None:
     """Whole or not at all."""
     if path is None:
         return
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, json.dumps(result, indent=1, ensure_ascii=False) + "\n")
 
 
 def chosen(given: argparse.Namespace) -> list[BenchScene]:

@@ -16,8 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import mitsuba_worker
-from raycheck.images import load_image
+from raycheck.base.images import load_image
+from raycheck.renderers import mitsuba_worker
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build" / "benchmark"

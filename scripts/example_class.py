@@ -20,14 +20,16 @@ import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from raycheck import mutants, references, renderers, scene_code, scene_export
+from raycheck.calibration import mutants
 from raycheck.grading import attacks
 from raycheck.grading.assignment import PICTURES, Assignment, Task, read_assignment
 from raycheck.grading.handout import write_handout
 from raycheck.grading.hidden import pool_index
 from raycheck.grading.judge import picture_pool
 from raycheck.grading.keys import read_keys
-from raycheck.techniques import technique
+from raycheck.renderers.oneray import oneray_command, oneray_path
+from raycheck.scene import code, export, variants
+from raycheck.scene.techniques import technique
 
 ROOT = Path(__file__).resolve().parents[1]
 SUBMISSIONS = ROOT / "tests/submissions"
@@ -102,8 +104,8 @@ esac
 
 def _one_scene(folder: Path) -> None:
     shutil.copytree(SUBMISSIONS / "one-scene", folder)
-    data = scene_export.export(references.variant("point-light"))
-    (folder / "scene.hpp").write_text(scene_code.source(data, scene_code.CPP), encoding="utf-8")
+    data = export.export(variants.variant("point-light"))
+    (folder / "scene.hpp").write_text(code.source(data, code.CPP), encoding="utf-8")
 
 
 def _hopeless(folder: Path) -> None:
@@ -128,7 +130,7 @@ def _render_variant(folder: Path, assignment: Assignment, task: Task, student: s
     index = pool_index(assignment.scene(task.scenes[0]), student, task.variants, keys) + step
     of = picture_pool(assignment, keys, task)[index % task.variants]
     options = technique(task.technique).options if task.technique else ()
-    command = renderers.oneray_command(renderers.oneray_path(), options, of.parameters)
+    command = oneray_command(oneray_path(), options, of.parameters)
     for seed in range(PICTURES_EACH):
         words = command.arguments(of.path, folder / f"{seed}.exr", PICTURES_SPP, seed)
         subprocess.run(words, check=True)

@@ -15,10 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raycheck import references
-from raycheck.images import load_image, write_png
-from raycheck.pictures import display, exposure
-from raycheck.renderers import oneray_path
+from raycheck.base import data
+from raycheck.base.images import load_image, write_png
+from raycheck.base.pictures import display, exposure
+from raycheck.renderers.oneray import oneray_path
+from raycheck.scene import variants
+from raycheck.truth import references
 
 ZOOM_LECTURE, SIDE_SCENE, IN_A_ROW, GAP = 6, 192, 8, 8
 
@@ -27,7 +29,7 @@ def render(scene: str, *options: str) -> NDArray[np.float64]:
     """Linear radiance, (H, W, 3)."""
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "out.exr"
-        subprocess.run([oneray_path(), references.scene_path(scene), "-o", output, *options], check=True)
+        subprocess.run([oneray_path(), variants.scene_path(scene), "-o", output, *options], check=True)
         return load_image(output).pixels
 
 
@@ -43,7 +45,7 @@ def enlarge(picture: NDArray[np.uint8], zoom: int) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    folder = references.references_dir() / "pictures"
+    folder = data.references_dir() / "pictures"
     folder.mkdir(exist_ok=True)
     factor = exposure(references.load_reference("lecture").mean)
     pair = [render("lecture", "--spp", "36", "--estimator", estimator) for estimator in ("walk", "nee")]
@@ -51,7 +53,7 @@ def main() -> None:
     write_png(folder / "lecture.png", lecture)
 
     tiles = []
-    for name in references.scene_names():
+    for name in variants.scene_names():
         if name == "lecture":
             continue
         picture = render(name, "--spp", "1024")

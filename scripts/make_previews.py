@@ -11,7 +11,7 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from raycheck import references
+from raycheck.base import data
 
 SCENES = ("cornell-box", "spherical-light")
 WIDTH = 1100
@@ -21,7 +21,7 @@ def main() -> None:
     if len(sys.argv) < 2 or not Path(sys.argv[1]).is_file():
         sys.exit("make_previews: python scripts/make_previews.py REPORT/index.html [SCENE ...]")
     page_file, scenes = Path(sys.argv[1]).resolve(), sys.argv[2:] or SCENES
-    folder = references.references_dir() / "pictures"
+    folder = data.references_dir() / "pictures"
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": WIDTH, "height": 900})

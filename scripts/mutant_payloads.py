@@ -16,10 +16,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from raycheck import mutants
-from raycheck.calibration import payloads
-from raycheck.mutants import Mutant, PatchError
-from raycheck.renderers import RenderError
+from raycheck.base.errors import PatchError, RenderError
+from raycheck.calibration import mutants, payloads
+from raycheck.calibration.mutants import Mutant
 
 
 def compute(wanted: Sequence[Mutant], jobs: int) -> Iterator[tuple[Mutant, str | None, str]]:

@@ -23,8 +23,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.films import payload
-from raycheck.techniques import TECHNIQUES, applicable, read_content
+from raycheck.renderers.films import payload
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import TECHNIQUES, applicable
 
 ROOT = Path(__file__).resolve().parent.parent
 FILE = ROOT / "tests/payloads.json"

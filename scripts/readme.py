@@ -17,10 +17,12 @@ from typing import Any
 import numpy as np
 import size
 
-from raycheck import prices, speed, stability
+from raycheck.base.errors import NotFound
 from raycheck.calibration import table
-from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
+from raycheck.measuring import price_tables, prices, speed
+from raycheck.measuring.stability import tables
+from raycheck.measuring.stability.results import read
+from raycheck.stats.verdict import Outcome
 
 ROOT = Path(__file__).resolve().parent.parent
 README, REFERENCES = ROOT / "README.md", ROOT / "references"
@@ -28,7 +30,7 @@ README, REFERENCES = ROOT / "README.md", ROOT / "references"
 
 def _prices(scenes: Sequence[str]) -> str:
     found = {one.scene: one for one in prices.read(REFERENCES / "techniques.json")}
-    return prices.markdown([found[name] for name in scenes])
+    return price_tables.markdown([found[name] for name in scenes])
 
 
 def _calibration(words: Sequence[str]) -> str:
@@ -36,7 +38,7 @@ def _calibration(words: Sequence[str]) -> str:
 
 
 def _stability(words: Sequence[str]) -> str:
-    return stability.markdown(stability.read(REFERENCES / "stability.json")[0])
+    return tables.markdown(read(REFERENCES / "stability.json")[0])
 
 
 def _benchmark(words: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from raycheck.images import load_image
+from raycheck.base.images import load_image
 
 Array = NDArray[np.float64]
 

@@ -45,7 +45,7 @@ def wide(tmp_path_factory: pytest.TempPathFactory) -> list[Driver]:
 @pytest.fixture
 def decoder():
     """Of the pictures of a submission."""
-    from raycheck.grading.pixels import Decoder  # it sets how many threads OpenImageIO has
+    from raycheck.grading.jail.pixels import Decoder  # it sets how many threads OpenImageIO has
 
     with Decoder() as one:
         yield one

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from raycheck.grading import sandbox
-from raycheck.grading.sandbox import Tier
+from raycheck.grading.jail import sandbox
+from raycheck.grading.jail.sandbox import Tier
 
 
 def written(path: Path, text: str) -> Path:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import curves, report, speed
-from raycheck.renderers import NotFound
+from raycheck.base.errors import NotFound
+from raycheck.measuring import log_log, report, speed
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -237,12 +237,12 @@ def test_displaced_ball_is_closed_and_turned_outwards() -> None:
 
 def test_curves_are_where_they_belong() -> None:
     """One decade on each axis is the same slope for all, and up is more."""
-    drawn = curves.log_log({"a": [(1, 1), (10, 10)], "b": [(1, 10), (10, 10)]}, "<x>", "seconds")
+    drawn = log_log.log_log({"a": [(1, 1), (10, 10)], "b": [(1, 10), (10, 10)]}, "<x>", "seconds")
     (a0, a1), (b0, b1) = ([tuple(map(float, p.split(","))) for p in line.split()]
                           for line in re.findall(r'polyline points="([^"]*)"', drawn))  # fmt: skip
     assert a0[0] < a1[0] and a0[1] > a1[1] and b0[1] == b1[1] == a1[1]
-    assert "&lt;x&gt;" in drawn and curves.power_of_ten(-2) == "10⁻²"
-    assert curves.log_log({"a": []}, "x", "y") == ""
+    assert "&lt;x&gt;" in drawn and log_log.power_of_ten(-2) == "10⁻²"
+    assert log_log.log_log({"a": []}, "x", "y") == ""
 
 
 @pytest.mark.parametrize(

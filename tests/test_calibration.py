@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import mutants
-from raycheck.calibration import gradings, kills, lines, nulls, rivals, trials
+from raycheck.calibration import gradings, kills, lines, mutants, nulls, rivals, trials
 from raycheck.grading.assignment import read_assignment
+from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
-from raycheck.grading.sandbox import Tier
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -13,9 +13,9 @@ import pytest
 import yaml
 from junitparser import JUnitXml
 
-from raycheck import references
-from raycheck.images import load_image, write_pfm
-from raycheck.verify import PILOT_SPP, case_seeds
+from raycheck.base.images import load_image, write_pfm
+from raycheck.judging.settings import PILOT_SPP, case_seeds
+from raycheck.truth import references
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs/check-your-renderer.md").read_text(encoding="utf-8")
@@ -39,7 +39,7 @@ write_pfm(sys.argv[1], 2, 2, {NUMBERS})
 """
 MINE = """
 import numpy as np
-from raycheck import references
+from raycheck.truth import references
 
 
 def render(scene, spp, seed):

@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 from batches import Array, Batches, Oneray, ball, diffuse, floor, glow, interval, ratio, sky, square, world
 
-from raycheck import references
-from raycheck.techniques import applicable, read_content, technique
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import applicable, technique
 
 WALK = "--estimator walk --hemisphere cosine"
 NEE_AREA = "--estimator nee --light-choice power --light-points area"
@@ -295,9 +296,9 @@ def at_depth_two() -> list[str]:
     wanted = {technique(name) for name in ("walk-cosine", "nee", "mis-balance", "mis-power")}
 
     def possible(name: str) -> bool:
-        return wanted <= set(applicable(read_content(references.scene_path(name), {"depth": "2"})))
+        return wanted <= set(applicable(read_content(variants.scene_path(name), {"depth": "2"})))
 
-    return [name for name in references.scene_names() if possible(name)]
+    return [name for name in variants.scene_names() if possible(name)]
 
 
 @pytest.mark.parametrize("name", at_depth_two())

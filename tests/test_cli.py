@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck.images import write_exr, write_pfm
+from raycheck.base.images import write_exr, write_pfm
 
 HERE = Path(__file__).parent
 PFM = f'"{sys.executable}" "{HERE / "pfm_renderer.py"}" {{output}} {{spp}} {{seed}}'

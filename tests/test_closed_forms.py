@@ -10,19 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import closed_forms, solids
-from raycheck.images import load_image
-from raycheck.references import closed_form
-from raycheck.scene_reader import Material, Shape
-from raycheck.techniques import TECHNIQUES, applicable, read_content, technique
-from raycheck.tiles import quad_tree, region_means, region_variances, whole
+from raycheck.base.images import load_image
+from raycheck.scene.content import read_content
+from raycheck.scene.reader import Material, Shape
+from raycheck.scene.techniques import TECHNIQUES, applicable, technique
+from raycheck.stats.tiles import quad_tree, region_means, region_variances, whole
+from raycheck.truth.closed_forms import forms, furnace, lamp_grid, mirrors, solids
+from raycheck.truth.closed_forms.glass import _glass_reflectance, glass_pane
+from raycheck.truth.references import closed_form
 
 FURNACE = ["walk-uniform", "walk-cosine", "nee", "mis-power", "mis-balance", "nee-no-roulette"]
 WALKED = ["inside-light", "mixed-material", "open-sky", "light-below-horizon", "mirror-corridor"]
 CASES = [
     *[("point-light", name) for name in ("nee", "mis-power")],
     *[("furnace", name) for name in FURNACE],
-    *[(name, "mis-power") for name in sorted(closed_forms.FORMS) if name not in ("point-light", "furnace")],
+    *[(name, "mis-power") for name in sorted(forms.FORMS) if name not in ("point-light", "furnace")],
     *[(name, "walk-cosine") for name in WALKED],
 ]
 
@@ -39,7 +41,7 @@ def deviations(
     subprocess.run([oneray, scene, "-o", folder / "out.exr", *options], check=True)
     image, exact = load_image(folder / "out.exr"), closed_form(scene.stem, {}) * factor
     known = np.isfinite(exact)
-    assert known.mean() > (0.7 if scene.stem in closed_forms.BORDERS else 0.9)
+    assert known.mean() > (0.7 if scene.stem in forms.BORDERS else 0.9)
     residual = np.where(known, image.pixels - exact, 0.0)
     variance = np.where(known, np.maximum(image.stderr, 1e-6 * np.abs(image.pixels)) ** 2, 0.0)
     height, width = residual.shape[:2]
@@ -130,11 +132,11 @@ def test_shadows_that_overlap_are_not_counted_twice() -> None:
 
 def test_the_thousand_lights_are_a_sum_of_lamberts_formula(scene) -> None:
     """One point of the floor, lamp by lamp, by another formula for the same."""
-    content = closed_forms.read_scene(scene("thousand-lights"), {})
+    content = forms.read_scene(scene("thousand-lights"), {})
     lamps = [solids.Plate(shape) for shape in content.shapes if shape.emits]
     assert len(lamps) == 1000
     d = content.camera.directions(np.array([11.3]), np.array([20.1]))
-    radiance = closed_forms.lamp_grid(content)
+    radiance = lamp_grid.lamp_grid(content)
     assert radiance is not None
     _, distance, value = radiance(content.camera.origin[None], d)
     p, n = content.camera.origin + distance[:, None] * d, np.array([[0.0, 0, 1]])
@@ -144,27 +146,27 @@ def test_the_thousand_lights_are_a_sum_of_lamberts_formula(scene) -> None:
 
 def test_fresnels_formulas_at_normal_incidence_and_beyond_the_critical_angle() -> None:
     one = np.ones(1)
-    assert closed_forms._glass_reflectance(one, one, 1 / 1.5) == pytest.approx(0.04)
-    assert closed_forms._glass_reflectance(one, one, 1.5) == pytest.approx(0.04)
-    assert closed_forms._glass_reflectance(one * 0.1, one * 0, 1.5) == 1
+    assert _glass_reflectance(one, one, 1 / 1.5) == pytest.approx(0.04)
+    assert _glass_reflectance(one, one, 1.5) == pytest.approx(0.04)
+    assert _glass_reflectance(one * 0.1, one * 0, 1.5) == 1
     gold = Material("conductor", np.ones(3), np.full(3, 0.143), np.full(3, 3.983))
     expected = ((0.143 - 1) ** 2 + 3.983**2) / ((0.143 + 1) ** 2 + 3.983**2)
-    assert closed_forms.reflectance_of(gold, one)[0] == pytest.approx([expected] * 3)
+    assert mirrors.reflectance_of(gold, one)[0] == pytest.approx([expected] * 3)
     glass = Material("conductor", np.ones(3), np.full(3, 1.5), np.zeros(3))
     inside = np.sqrt(1 - (1 - 0.3**2) / 1.5**2)
-    dielectric = closed_forms._glass_reflectance(one * 0.3, one * inside, 1 / 1.5)
-    assert closed_forms.reflectance_of(glass, one * 0.3)[0] == pytest.approx(np.repeat(dielectric, 3))
+    dielectric = _glass_reflectance(one * 0.3, one * inside, 1 / 1.5)
+    assert mirrors.reflectance_of(glass, one * 0.3)[0] == pytest.approx(np.repeat(dielectric, 3))
 
 
 def test_a_pane_transmits_what_the_sum_of_its_reflections_says(scene) -> None:
     """Where all paths see one stripe: (1 − R)/(1 + R) with R at that angle, for unlimited depth."""
-    content = solids.with_faces(closed_forms.read_scene(scene("glass-pane"), {"depth": "-1"}))
-    radiance = closed_forms.glass_pane(content)
+    content = solids.with_faces(forms.read_scene(scene("glass-pane"), {"depth": "-1"}))
+    radiance = glass_pane(content)
     front = solids.Plate(content.shapes[3])
     towards = front.origin - np.array([0.3, 0, 0]) - content.camera.origin
     d = towards[None] / np.linalg.norm(towards)
     cosine = np.array([-(d[0] @ front.normal)])
-    r = closed_forms._glass_reflectance(cosine, np.sqrt(1 - (1 - cosine**2) / 2.25), 1 / 1.5)[0]
+    r = _glass_reflectance(cosine, np.sqrt(1 - (1 - cosine**2) / 2.25), 1 / 1.5)[0]
     assert radiance is not None
     value = radiance(content.camera.origin[None], d)[2][0]
     assert 0.04 < r < 0.1
@@ -173,10 +175,10 @@ def test_a_pane_transmits_what_the_sum_of_its_reflections_says(scene) -> None:
 
 def test_inside_a_light_alone_radiance_is_a_geometric_series(scene) -> None:
     """With a ball that reflects and glows as the wall does, both show L Σ ρᵏ."""
-    content = closed_forms.read_scene(scene("inside-light"), {"depth": "5"})
+    content = forms.read_scene(scene("inside-light"), {"depth": "5"})
     wall = content.shapes[0]
     ball = dataclasses.replace(content.shapes[1], material=wall.material, radiance=wall.radiance)
-    radiance = closed_forms.furnace(dataclasses.replace(content, shapes=(wall, ball)))
+    radiance = furnace.furnace(dataclasses.replace(content, shapes=(wall, ball)))
     assert radiance is not None
     expected = sum(wall.radiance * wall.material.reflectance**k for k in range(5))
     for way in ([0.0, 1, 0], [0, 0, 1.0]):

@@ -9,11 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import diagnose_cli, diagnosis, lecture, mutants, references, words
-from raycheck.calibration import payloads
-from raycheck.evidence import evidence, fine_tiles
-from raycheck.images import write_pfm
-from raycheck.truth import truth_of
+from raycheck.base.images import write_pfm
+from raycheck.calibration import mutants, payloads
+from raycheck.judging import diagnosis, sentences
+from raycheck.judging.evidence import evidence
+from raycheck.judging.findings import guesses
+from raycheck.scene import lecture
+from raycheck.stats.tiles import grid
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 HERE = Path(__file__).parent
 SCENE = "area-light"
@@ -22,7 +26,7 @@ SCENE = "area-light"
 def enlarge(tiles: np.ndarray, height: int, width: int) -> np.ndarray:
     """(T, 3) of the fine tiles as an image."""
     image = np.zeros((height, width, 3))
-    for tile, value in zip(fine_tiles(height, width), tiles, strict=True):
+    for tile, value in zip(grid(height, width), tiles, strict=True):
         image[tile.window] = value
     return image
 
@@ -74,14 +78,14 @@ def test_a_mere_factor_is_no_mistake_of_another_strength(truth):
     found = told(truth, -0.3 * truth.mean)
     assert found.guesses[0].fit > diagnosis.KNOWN and found.guesses[0].strength < 0.8
     assert not found.known and found.explained
-    assert "since none has just this factor" in diagnose_cli.guesses(found)[0]
+    assert "since none has just this factor" in guesses(found)[0]
 
 
 def test_mistakes_that_look_alike_are_all_named(truth):
     alike, _ = diagnosis.likely(evidence(SCENE, images(truth, signature("light-no-cosine")), truth))
     assert {"light-no-cosine", "nee-no-cosine"} <= {mistake.name for mistake in alike}
-    assert words.suspicion(alike).startswith("; it looks like one of these mistakes: “")
-    assert words.suspicion(alike[:1]) == f"; it looks like this mistake: “{alike[0].mistake.rstrip('.')}”"
+    assert sentences.suspicion(alike).startswith("; it looks like one of these mistakes: “")
+    assert sentences.suspicion(alike[:1]) == f"; it looks like this mistake: “{alike[0].mistake.rstrip('.')}”"
 
 
 def test_scenes_that_come_out_right_rule_mistakes_out(truth):

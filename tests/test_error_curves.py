@@ -10,13 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import convergence, error_curves, references
-from raycheck.contestants import Shot, named_commands, pinned
-from raycheck.renderers import NotFound, RenderError
-from raycheck.tasks import standard_technique
-from raycheck.truth import truth_of
+from raycheck.base.errors import NotFound, RenderError
+from raycheck.judging.agenda import standard_technique
+from raycheck.measuring.contestants import Shot, named_commands, pinned
+from raycheck.measuring.races import racing
+from raycheck.measuring.races.curves import Curve, read, to_json
+from raycheck.measuring.races.race import MOST_SPP, doubling
+from raycheck.scene import variants
+from raycheck.stats import convergence
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
-SCENE = references.variant("furnace")
+SCENE = variants.variant("furnace")
 TRUTH = truth_of(references.load_reference(SCENE))
 ROUNDS = 8
 Samples = Callable[[np.random.Generator, int], np.ndarray]
@@ -72,19 +77,19 @@ def repeating(rng: np.random.Generator, spp: int) -> np.ndarray:
     return np.where(np.arange(spp)[:, None, None, None] % 4 > 0, new[np.arange(spp) % 4], right(rng, spp))
 
 
-def raced(folder: Path, *made: Made, seconds: float = 0.06) -> dict[str, error_curves.Curve]:
-    found, _ = error_curves.race(SCENE, made, seconds=seconds, rounds=ROUNDS, folder=folder)
+def raced(folder: Path, *made: Made, seconds: float = 0.06) -> dict[str, Curve]:
+    found, _ = racing.race(SCENE, made, seconds=seconds, rounds=ROUNDS, folder=folder)
     return {one.name: one for one in found.curves}
 
 
 @pytest.fixture(scope="module")
-def curves(tmp_path_factory: pytest.TempPathFactory) -> dict[str, error_curves.Curve]:
+def curves(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Curve]:
     draws = (right, biased, clamped, heavy, repeating)
     folder = tmp_path_factory.mktemp("race")
     return raced(folder, *(Made(draw.__name__, draw) for draw in draws))
 
 
-def test_an_unbiased_curve_falls_with_slope_one_half(curves: dict[str, error_curves.Curve]) -> None:
+def test_an_unbiased_curve_falls_with_slope_one_half(curves: dict[str, Curve]) -> None:
     one = curves["right"]
     assert one.flag == ""
     for slope in (one.slope, one.relative_slope, one.slope_without_outliers):
@@ -92,7 +97,7 @@ def test_an_unbiased_curve_falls_with_slope_one_half(curves: dict[str, error_cur
         assert slope.high - slope.low < 0.06 and abs(slope.value + 0.5) < 0.03
 
 
-def test_errors_are_the_known_ones(curves: dict[str, error_curves.Curve]) -> None:
+def test_errors_are_the_known_ones(curves: dict[str, Curve]) -> None:
     """A sample of mean r has variance r²: RMSE r/√n, relMSE 1/n for a small ε, efficiency 1/(r² · time)."""
     squared = float((TRUTH.mean**2).mean())
     for level in curves["right"].levels:
@@ -105,7 +110,7 @@ def test_errors_are_the_known_ones(curves: dict[str, error_curves.Curve]) -> Non
     assert curves["right"].seconds_to_target == pytest.approx(samples * 1e-4, rel=0.05)
 
 
-def test_bias_is_flagged(curves: dict[str, error_curves.Curve]) -> None:
+def test_bias_is_flagged(curves: dict[str, Curve]) -> None:
     one = curves["biased"]
     assert one.flag == "bias" and "too bright" in one.why
     squared = float((TRUTH.mean**2).mean())
@@ -113,14 +118,14 @@ def test_bias_is_flagged(curves: dict[str, error_curves.Curve]) -> None:
     assert one.seconds_to_target is None  # 5 % off, it never gets there
 
 
-def test_clamping_is_flagged_as_the_bias_that_it_is(curves: dict[str, error_curves.Curve]) -> None:
+def test_clamping_is_flagged_as_the_bias_that_it_is(curves: dict[str, Curve]) -> None:
     """Its error is lower than the right renderer's, and its curve looks as straight."""
     one = curves["clamped"]
     assert one.levels[0].rmse.value < curves["right"].levels[0].rmse.value
     assert one.flag == "bias" and "too dark" in one.why
 
 
-def test_heavy_tails_and_dependent_samples_are_told_from_bias(curves: dict[str, error_curves.Curve]) -> None:
+def test_heavy_tails_and_dependent_samples_are_told_from_bias(curves: dict[str, Curve]) -> None:
     assert curves["heavy"].flag == "heavy tails"
     assert curves["heavy"].levels[-1].luck > 0.25 > 3 * curves["right"].levels[-1].luck
     assert curves["repeating"].flag == "slow"
@@ -152,14 +157,14 @@ def test_start_up_is_told_from_sampling() -> None:
 
 
 def test_samples_double_as_far_as_the_time_allows() -> None:
-    assert error_curves.doubling(0.0, 1.0, 0.0, 8) == [4, 8, 16, 32]
-    assert error_curves.doubling(0.0, 1e-3, 8 * 0.253, 8)[-1] == 128
-    assert error_curves.doubling(0.0, 1e-9, 1.0, 8)[-1] == error_curves.MOST_SPP
+    assert doubling(0.0, 1.0, 0.0, 8) == [4, 8, 16, 32]
+    assert doubling(0.0, 1e-3, 8 * 0.253, 8)[-1] == 128
+    assert doubling(0.0, 1e-9, 1.0, 8)[-1] == MOST_SPP
 
 
 def test_equal_time_gives_the_slower_fewer_samples(tmp_path: Path) -> None:
     fast, slow = Made(standard_technique(SCENE).name, right), Made("slow one", right, 4e-4)
-    found, pictures = error_curves.race(SCENE, [fast, slow], seconds=0.06, rounds=ROUNDS, folder=tmp_path)
+    found, pictures = racing.race(SCENE, [fast, slow], seconds=0.06, rounds=ROUNDS, folder=tmp_path)
     assert [one.spp for one in found.equal_samples] == [32, 32]
     assert [one.spp for one in found.equal_time] == [32, 8]
     assert [one.seconds for one in found.equal_time] == pytest.approx([3.2e-3, 3.2e-3], rel=1e-3)
@@ -219,15 +224,15 @@ def test_an_interrupted_race_is_continued(tmp_path: Path) -> None:
 def test_all_scenes_within_the_time(tmp_path: Path) -> None:
     steps = []
     runners = [(SCENE, [Made("one", right), Made("two", right)], {"light": "a mirror"})]
-    [(found, _)] = error_curves.race_all(
+    [(found, _)] = racing.race_all(
         runners, seconds=1e9, minutes=0.002, rounds=ROUNDS, folder=tmp_path,
         on_step=lambda step, total: steps.append((step.technique, total)),
     )  # fmt: skip
     assert steps == [("one", 16), ("two", 16)] * 8
-    assert found.curves[0].levels[-1].spp < error_curves.MOST_SPP
+    assert found.curves[0].levels[-1].spp < MOST_SPP
     path = tmp_path / "all.json"
-    path.write_text(error_curves.to_json([found], {"machine": "m"}))
-    [again], header = error_curves.read(path)
+    path.write_text(to_json([found], {"machine": "m"}))
+    [again], header = read(path)
     assert header == {"machine": "m"} and again.left_out == {"light": "a mirror"}
     assert again.curves[1].slope.value == pytest.approx(found.curves[1].slope.value, rel=1e-3)
     assert len(json.loads(path.read_text())["scenes"][0]["curves"]) == 2

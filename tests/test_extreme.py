@@ -10,7 +10,7 @@ import pytest
 from batches import diffuse, floor, glow, sky, square, world
 from building import ROOT
 
-from raycheck.images import Image, load_image
+from raycheck.base.images import Image, load_image
 
 FLOOR = floor(diffuse(0.5))
 

@@ -21,27 +21,30 @@ import pytest
 from gradings import need, written
 from typer.testing import CliRunner
 
-from raycheck import builds, checks, references
+from raycheck.base.errors import NotFound, RenderLate, RenderTimeout
+from raycheck.base.images import Image, write_pfm
 from raycheck.cli import app
-from raycheck.grading import attacks, course, hidden, points, sandbox, speed, tables
-from raycheck.grading.assignment import Limits, read_assignment
-from raycheck.grading.gradescope import failed_json, results_json
+from raycheck.grading import attacks, course, hidden, points, speed
+from raycheck.grading.assignment import read_assignment
+from raycheck.grading.jail import sandbox
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.pixels import Decoder
+from raycheck.grading.jail.sandbox import Jail, Tier
 from raycheck.grading.judge import Attempt, Grader
 from raycheck.grading.keys import Keys, digest_of, read_keys
-from raycheck.grading.pages import clusters, student_page
-from raycheck.grading.pixels import Decoder
 from raycheck.grading.program import Program, Taken
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
-from raycheck.grading.sandbox import Jail, Tier
-from raycheck.grading.submission import (
-    Submission,
-    SubmissionError,
-    may_have_pictures,
-    open_submission,
-)
-from raycheck.images import Image, write_pfm
-from raycheck.renderers import NotFound, Rendering, RenderLate, RenderTimeout
-from raycheck.verdict import Outcome
+from raycheck.grading.submission import Submission, SubmissionError, may_have_pictures, open_submission
+from raycheck.grading.written import tables
+from raycheck.grading.written.gradescope import failed_json, results_json
+from raycheck.grading.written.pages import clusters, student_page
+from raycheck.judging import checks
+from raycheck.renderers import builds
+from raycheck.renderers.renderer import Rendering
+from raycheck.scene import variants
+from raycheck.stats.verdict import Outcome
+from raycheck.truth import references
+from raycheck.truth.making import Goal
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -208,7 +211,7 @@ def test_speed_is_measured_beside_oneray_in_the_same_jail(tmp_path, oneray: Path
 
 
 def test_a_hidden_variant_is_another_picture_and_not_to_be_guessed() -> None:
-    of = references.variant("area-light")
+    of = variants.variant("area-light")
     one, other = (hidden.vary(of, "area-light/0/0", Keys("a", secret)) for secret in (b"1", b"2"))
     assert one == hidden.vary(of, "area-light/0/0", Keys("a", b"1"))
     assert len({one, other, of.path.read_text(encoding="utf-8")}) == 3
@@ -290,7 +293,7 @@ def test_a_picture_counts_where_hidden_variants_show_that_it_is_not_stored(
     """By what is found of a scene and its two variants; another scene of the task does not matter."""
     text = TASKS.replace('"point-light"', '"point-light", "area-light"').replace("points = 4", "points = 12")
     asked = read_assignment(written(tmp_path / "a.toml", text))
-    of, other = (references.variant(name) for name in ("point-light", "area-light"))
+    of, other = (variants.variant(name) for name in ("point-light", "area-light"))
     rendered = [(of, "a", None), (of, "a", of), (of, "a", of), (other, "b", None), (other, "b", other)]
     found = [shown, first, second, RIGHT, RIGHT]
     grader = Grader(replace(asked, tasks=asked.tasks), Keys("a", b"s"), {"L1": rendered}, Tier.NONE)
@@ -342,7 +345,7 @@ class Noisy(Taken):
         seconds = self.seconds(spp, sum(map(len, self.pictures.values())))
         if seconds > timeout:
             raise RenderLate("no picture: not finished")
-        mean = references.load_reference(references.variant("point-light")).mean
+        mean = references.load_reference(variants.variant("point-light")).mean
         k = spp / self.noise**2
         pixels = mean * np.random.default_rng(seed).gamma(k, 1 / k, (*mean.shape[:2], 1))
         self.take(spp, seconds, pixels)
@@ -380,7 +383,7 @@ def test_the_clock_decides_no_verdict(tmp_path, seconds, noise: float, verdict: 
     [task] = grader.assignment.tasks
     asked = replace(grader.assignment, limits=program.limits)
     found = replace(grader, assignment=asked).judge(
-        task, references.variant("point-light"), "point-light", False, program, "clock"
+        task, variants.variant("point-light"), "point-light", False, program, "clock"
     )
     assert (found.verdict, found.looks) == (verdict, looks), found.reason
     assert found.bias is not None
@@ -391,7 +394,7 @@ def test_time_that_ends_before_the_judged_pictures_leaves_it_open(tmp_path) -> N
     asked = read_assignment(written(tmp_path / "a.toml", TASKS + 'technique = "nee"\nnoise_points = 1\n'))
     program = Noisy(lambda spp, number: 1.2, task_seconds=10.0)
     grader = replace(Grader.prepare(asked, Tier.NONE), assignment=replace(asked, limits=program.limits))
-    of = references.variant("point-light")
+    of = variants.variant("point-light")
     found = grader.judge(asked.tasks[0], of, "point-light", False, program, "clock")
     assert found.verdict is Outcome.INCONCLUSIVE and "were over after 9 pictures" in found.reason
 
@@ -461,12 +464,15 @@ def test_a_late_picture_is_made_once_more_where_others_were_in_time(tmp_path, de
     for name in ("scene", "scratch", "mine"):
         (tmp_path / name).mkdir()
     write_pfm(tmp_path / "mine/picture.pfm", np.full((4, 4, 3), 0.5))
-    written(tmp_path / "mine/render.sh", """\
+    written(
+        tmp_path / "mine/render.sh",
+        """\
 read -r hangs rest <hangs
 echo "$rest" >hangs
 test "$hangs" = yes && sleep 20
 cp picture.pfm "$1"
-""")
+""",
+    )
     program = Program(
         Jail(Tier.NONE, Limits(picture_seconds=1.0)), tmp_path / "mine", "sh render.sh {output}",
         tmp_path / "scene", "a", (4, 4), "L1", tmp_path / "scratch", decoder,
@@ -487,11 +493,9 @@ cp picture.pfm "$1"
 
 def test_a_hidden_scene_s_reference_is_as_fine_as_the_assignment_asks(tmp_path, oneray, monkeypatch) -> None:
     monkeypatch.setenv("ONERAY", str(oneray))
-    goal = hidden.reference_making.Goal(
-        image=0.02, tile=0.1, small_batches=16, spp_per_batch=4, min_batches=16
-    )
+    goal = Goal(image=0.02, tile=0.1, small_batches=16, spp_per_batch=4, min_batches=16)
     monkeypatch.setattr(hidden, "GOAL", goal)
-    of = hidden.pool_variant(references.variant("point-light"), 0, Keys("a", b"secret"), tmp_path)
+    of = hidden.pool_variant(variants.variant("point-light"), 0, Keys("a", b"secret"), tmp_path)
     errors = []
     for delta in (0.5, 0.5, 0.002, 0.01):
         entry = references.require(hidden.with_reference(of, delta))
@@ -507,7 +511,7 @@ def test_what_is_graded_by_is_part_of_what_is_kept(tmp_path, monkeypatch) -> Non
     monkeypatch.setattr(builds, "raycheck_hash", lambda: "another")
     assert grader.state("x") != before
     monkeypatch.undo()
-    entry = references.require(references.variant("point-light"))
+    entry = references.require(variants.variant("point-light"))
     monkeypatch.setattr(references, "require", lambda of: entry | {"date": "another reference"})
     assert grader.state("x") != before
 

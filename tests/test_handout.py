@@ -12,16 +12,19 @@ import pytest
 from gradings import written
 from typer.testing import CliRunner
 
-from raycheck import references, scene_export
+from raycheck.base.errors import NotFound
+from raycheck.base.images import write_pfm
 from raycheck.cli import app
-from raycheck.grading import attacks, c_functions, course, hidden, sandbox
+from raycheck.grading import attacks, c_functions, course, hidden
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.handout import write_handout
+from raycheck.grading.jail import sandbox
+from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
-from raycheck.grading.sandbox import Tier
-from raycheck.images import write_pfm
-from raycheck.renderers import NotFound
-from raycheck.verdict import Outcome
+from raycheck.scene import export, variants
+from raycheck.stats.verdict import Outcome
+from raycheck.truth import references
+from raycheck.truth.making import Goal
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -176,7 +179,7 @@ def handed_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("grading needs Linux")
     work = tmp_path_factory.mktemp("pictures")
     patch = pytest.MonkeyPatch()
-    goal = hidden.reference_making.Goal(small_batches=128, min_batches=16, most_seconds=1.0)
+    goal = Goal(small_batches=128, min_batches=16, most_seconds=1.0)
     patch.setattr(hidden, "GOAL", goal)
     patch.setattr(example_class, "PICTURES_EACH", 4)
     asked = read_assignment(written(work / "a.toml", PICTURES))
@@ -227,7 +230,7 @@ def test_each_student_gets_the_scene_that_is_graded(handed_in, tmp_path) -> None
     pool = [p.read_text(encoding="utf-8") for p in (handed_in.parent / "a.private/pool").glob("*.xml")]
     assert len(set(pool)) == 2
     theirs = json.loads((tmp_path / "v/pictures/L1/scene.json").read_text(encoding="utf-8"))
-    published = scene_export.export(references.variant("point-light"))
+    published = export.export(variants.variant("point-light"))
     assert theirs["camera"]["origin"] != list(published["camera"]["origin"])
     assert theirs["scene"] == "point-light"
 

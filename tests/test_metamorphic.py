@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import references
-from raycheck.images import Image, load_image
-from raycheck.techniques import applicable, read_content, technique
+from raycheck.base.images import Image, load_image
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import applicable, technique
 
-SCENES = references.scene_names()
+SCENES = variants.scene_names()
 LIGHT = ("radiance", "intensity", "irradiance")
 BEYOND = 5.5
 

@@ -15,10 +15,10 @@ import pytest
 from building import ROOT
 from typer.testing import CliRunner
 
-from raycheck import mutants
-from raycheck.calibration import payloads, trials
+from raycheck.base.errors import PatchError
+from raycheck.calibration import mutants, payloads, trials
 from raycheck.cli import app
-from raycheck.techniques import technique
+from raycheck.scene.techniques import technique
 
 CATALOGUE = {mutant.name: mutant for mutant in mutants.catalogue()}
 SAMPLE = (
@@ -55,10 +55,10 @@ def test_a_patch_that_does_not_apply_is_told(tmp_path: Path) -> None:
     patch = tmp_path / "old.patch"
     text = CATALOGUE["nee-no-cosine"].patch.read_text()
     patch.write_text(text.replace("-    Vec light", "-    Vec lights"))
-    with pytest.raises(mutants.PatchError, match=r"old\.patch no longer applies"):
+    with pytest.raises(PatchError, match=r"old\.patch no longer applies"):
         mutants.build(mutants.read(patch), tmp_path / "copy")
     patch.write_text(text.replace("Symptom: ", "Symptoms: "))
-    with pytest.raises(mutants.PatchError, match="the header needs"):
+    with pytest.raises(PatchError, match="the header needs"):
         mutants.read(patch)
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from test_verify import judged, noisy
 
-from raycheck import checks, references
-from raycheck.truth import truth_of
-from raycheck.verdict import Outcome
+from raycheck.judging import checks
+from raycheck.stats.verdict import Outcome
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 import raycheck
-from raycheck import part_making, parts, references, words
-from raycheck.evidence import evidence_of_means, fine_tiles
-from raycheck.parts import Explanation, Factor, Hypothesis
-from raycheck.tiles import region_means, region_variances
-from raycheck.truth import truth_of
+from raycheck.base import data
+from raycheck.calibration import part_making
+from raycheck.judging import parts, sentences
+from raycheck.judging.evidence import evidence_of_means
+from raycheck.judging.parts import Explanation, Factor, Hypothesis
+from raycheck.scene import variants
+from raycheck.stats.tiles import grid, region_means, region_variances
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 SCENE = "many-lights"
 BATCHES = 64
@@ -29,13 +33,13 @@ def template(hypothesis: Hypothesis) -> np.ndarray:
 
 def found(truth, error, seed=1, samples=SAMPLES):
     """Evidence of tiles that are off by `error` (T, 3), as noisy as the reference's renderer."""
-    tiles = fine_tiles(*truth.shape)
+    tiles = grid(*truth.shape)
     variance = region_variances(truth.sample_variance, tiles) * BATCHES / samples
     noise = np.random.default_rng(seed).standard_normal((BATCHES, *variance.shape)) * np.sqrt(variance)
     return evidence_of_means(SCENE, region_means(truth.mean, tiles) + error + noise, truth)
 
 
-@pytest.mark.parametrize("scene", references.scene_names())
+@pytest.mark.parametrize("scene", variants.scene_names())
 def test_parts_sum_to_the_reference(scene):
     """Those of every scene, and they belong to it as it is."""
     of = parts.load(scene)
@@ -43,8 +47,8 @@ def test_parts_sum_to_the_reference(scene):
     if scene == "mixed-material":  # where its comment says that Mitsuba is no judge
         pixels, variance = references.load_reference(scene).best()
     else:
-        pixels, variance = np.split(references.read_exr(references.references_dir() / f"{scene}.exr"), 2, 2)
-    tiles = fine_tiles(*pixels.shape[:2])
+        pixels, variance = np.split(references.read_exr(data.references_dir() / f"{scene}.exr"), 2, 2)
+    tiles = grid(*pixels.shape[:2])
     mean = region_means(pixels, tiles)
     within = 0.01 * np.maximum(mean, mean.mean() / 10)
     allowed = within**2 + region_variances(variance, tiles)
@@ -81,13 +85,13 @@ def test_each_light_may_have_a_factor(truth):
     error = sum(bias * template(Hypothesis(light, "direct")) for light, bias in biases.items())
     told = parts.explain(found(truth, error))
     assert {one.of.light: round(one.bias, 1) for one in told.factors} == biases
-    assert "5 more of the lights are off too; everything else agrees" in words.explanation(told)
+    assert "5 more of the lights are off too; everything else agrees" in sentences.explanation(told)
 
 
 def test_what_no_part_explains_is_not_told(truth):
     """A chessboard of tiles, half of a light's shadow, noise alone."""
     signs = np.where(np.indices((8, 8)).sum(axis=0) % 2, 0.3, -0.3).reshape(-1, 1)
-    mean = region_means(truth.mean, fine_tiles(*truth.shape))
+    mean = region_means(truth.mean, grid(*truth.shape))
     assert parts.explain(found(truth, signs * mean)) is None
     light = template(Hypothesis("light 2 of 8", "direct")).copy()
     light[: len(light) // 2] = 0
@@ -112,7 +116,7 @@ def test_nothing_is_known_of_other_scenes(truth):
 def test_parts_in_words():
     def said(bias, half, *of, other=None):
         factor = Factor(Hypothesis(*of), bias, bias - half, bias + half)
-        return words.explanation(Explanation([factor], other))
+        return sentences.explanation(Explanation([factor], other))
 
     assert said(1.0, 0.1, "light 2 of 8", "", "floor") == (
         "light 2 of 8 on “floor” is 2.0 ± 0.1 times as bright as it should be; everything else agrees"
@@ -129,7 +133,7 @@ def test_verify_says_it(truth):
     """In the sentence of a FAIL: a renderer whose second light has half of its power."""
     error = np.zeros_like(truth.mean)
     wrong = -0.5 * template(Hypothesis("light 2 of 8", "direct"))
-    for tile, value in zip(fine_tiles(*truth.shape), wrong, strict=True):
+    for tile, value in zip(grid(*truth.shape), wrong, strict=True):
         error[tile.window] = value
 
     def render(path, spp, seed):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from building import ROOT
 
-from raycheck.films import FilmError, payload
+from raycheck.renderers.films import FilmError, payload
 
 sys.path.insert(0, str(ROOT / "scripts"))
 

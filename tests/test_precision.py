@@ -15,7 +15,7 @@ import pytest
 from batches import diffuse, floor, glow, square, world
 from building import ROOT
 
-from raycheck.images import load_image
+from raycheck.base.images import load_image
 
 SCENES = sorted((ROOT / "scenes").glob("*.xml"))
 ADDED = 1e-5

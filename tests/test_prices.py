@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import prices
-from raycheck.prices import Measurement, Spread
-from raycheck.references import variant
-from raycheck.tasks import oneray_agenda
+from raycheck.base.text import number
+from raycheck.judging.agenda import oneray_agenda
+from raycheck.measuring import price_tables, prices
+from raycheck.measuring.prices import Measurement
+from raycheck.scene.variants import variant
+from raycheck.stats.spread import Spread
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -71,10 +73,10 @@ def test_what_does_not_vary_has_no_price() -> None:
     nothing, something = [measured(0, 1)] * 3, [measured(1, 1)] * 3
     perfect = prices.price("walk-cosine", 16, nothing, something)
     assert perfect.efficiency is None
-    assert prices.row(perfect)[2:] == ("0", "", "1.00", "∞")
+    assert price_tables.row(perfect)[2:] == ("0", "", "1.00", "∞")
     worse = prices.price("nee", 16, something, nothing)
     assert worse.relative_variance is None
-    assert prices.row(worse)[2:] == ("∞", "", "1.00", "0")
+    assert price_tables.row(worse)[2:] == ("∞", "", "1.00", "0")
     assert prices.most_efficient_first([worse, perfect]) == [perfect, worse]
 
 
@@ -87,10 +89,10 @@ def test_relative_error_of_a_variance() -> None:
 
 
 def test_numbers_and_ids() -> None:
-    assert [prices.number(x) for x in (0.01234, 1, 45.6, 999.7, 12345)] == [
+    assert [number(x) for x in (0.01234, 1, 45.6, 999.7, 12345)] == [
         "0.0123", "1.00", "45.6", "1000", "12,300",
     ]  # fmt: skip
-    assert prices.lecture_ids(("L9", "L1", "L2", "L3", "L13", "L14", "L14")) == "L1–3 L9 L13 L14"
+    assert price_tables.lecture_ids(("L9", "L1", "L2", "L3", "L13", "L14", "L14")) == "L1–3 L9 L13 L14"
 
 
 def test_the_command(oneray: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

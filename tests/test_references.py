@@ -9,13 +9,19 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from raycheck import closed_form_store, closed_forms, mitsuba_reference, reference_making, references
-from raycheck.reference_making import relative_errors, skewness_tables, tile_means
-from raycheck.scene_reader import read_scene
-from raycheck.seeds import make_seeds
-from raycheck.techniques import TECHNIQUES
+from raycheck.base import data
+from raycheck.base.errors import ReferenceError_
+from raycheck.base.seeds import make_seeds
+from raycheck.scene import variants
+from raycheck.scene.reader import read_scene
+from raycheck.scene.techniques import TECHNIQUES
+from raycheck.stats.tiles import tile_means
+from raycheck.truth import making, mitsuba, references
+from raycheck.truth.closed_forms import forms, solids, store
+from raycheck.truth.making import relative_errors, skewness_tables
+from raycheck.truth.manifest import read_manifest
 
-CLOSED = sorted(closed_forms.FORMS)
+CLOSED = sorted(forms.FORMS)
 MITSUBA_IS_OFF = {"inside-light", "mixed-material"}
 """Where the closed form, not Mitsuba 3.9, is right: it and oneray agree (tests/test_closed_forms.py).
 Mitsuba's sphere light seen from inside gives 0.08 % too much; its blend of a delta with a diffuse part mixes
@@ -51,10 +57,10 @@ def distances(reference: references.Reference, image: np.ndarray) -> tuple[np.nd
 @pytest.fixture
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of scenes and references that a test may change."""
-    for name, folder in (("scenes", references.scenes_dir()), ("references", references.references_dir())):
+    for name, folder in (("scenes", data.scenes_dir()), ("references", data.references_dir())):
         shutil.copytree(folder, tmp_path / name)
-    monkeypatch.setattr(references, "scenes_dir", lambda: tmp_path / "scenes")
-    monkeypatch.setattr(references, "references_dir", lambda: tmp_path / "references")
+    monkeypatch.setattr(data, "scenes_dir", lambda: tmp_path / "scenes")
+    monkeypatch.setattr(data, "references_dir", lambda: tmp_path / "references")
     return tmp_path
 
 
@@ -62,24 +68,24 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_every_scene_has_a_fresh_reference_and_no_reference_is_without_a_scene() -> None:
-    names = references.scene_names()
+    names = variants.scene_names()
     assert len(names) >= 23
     for name in names:
         references.load_reference(name)
-    files = {path.stem for path in references.references_dir().glob("*.exr")}
-    assert files == set(references.read_manifest()) >= set(names)
+    files = {path.stem for path in data.references_dir().glob("*.exr")}
+    assert files == set(read_manifest()) >= set(names)
 
 
-@pytest.mark.parametrize("label", sorted(references.read_manifest()))
+@pytest.mark.parametrize("label", sorted(read_manifest()))
 def test_the_manifest_says_how_a_reference_was_made(label: str) -> None:
-    entry = references.read_manifest()[label]
+    entry = read_manifest()[label]
     if entry.get("renderer") == "oneray":
         assert entry["technique"] in {one.name for one in TECHNIQUES}
     else:
         assert entry["variant"] in ("llvm_ad_rgb", "scalar_rgb")
         assert entry["mitsuba_version"].startswith("3.")
     assert entry["batches"] >= 32
-    assert entry["spp"] <= mitsuba_reference.MAX_SPP_PER_BATCH
+    assert entry["spp"] <= mitsuba.MAX_SPP_PER_BATCH
     assert entry["skewness_batches"] >= 1024
     sizes = [8 * 2**k for k in range(round(math.log2(max(entry["width"], entry["height"]) / 8)) + 1)]
     assert list(entry["skewness"]) == [str(size) for size in sizes]
@@ -88,28 +94,28 @@ def test_the_manifest_says_how_a_reference_was_made(label: str) -> None:
         assert np.array(table, dtype=float).shape == shape
 
 
-@pytest.mark.parametrize("label", sorted(references.read_manifest()))
+@pytest.mark.parametrize("label", sorted(read_manifest()))
 def test_a_reference_file_holds_mean_and_variance_as_floats(label: str) -> None:
-    entry = references.read_manifest()[label]
-    file = oiio.ImageInput.open(str(references.references_dir() / f"{label}.exr"))
+    entry = read_manifest()[label]
+    file = oiio.ImageInput.open(str(data.references_dir() / f"{label}.exr"))
     spec = file.spec()
     assert set(spec.channelnames) == set(references.CHANNELS)
     assert spec.format == oiio.FLOAT
     assert (spec.width, spec.height) == (entry["width"], entry["height"])
-    pixels = references.read_exr(references.references_dir() / f"{label}.exr")
+    pixels = references.read_exr(data.references_dir() / f"{label}.exr")
     assert np.isfinite(pixels).all() and (pixels >= 0).all()
 
 
 def test_references_and_tests_use_different_seeds() -> None:
     assert max(make_seeds("any key", 1000)) < 2**31
-    for entry in references.read_manifest().values():
+    for entry in read_manifest().values():
         ranges = [range(first, first + count) for first, count in (entry["seeds"], entry["skewness_seeds"])]
         assert min(r.start for r in ranges) >= 2**31
         assert max(r.stop for r in ranges) <= 2**32
         assert not set(ranges[0]) & set(ranges[1])
 
 
-@pytest.mark.parametrize("name", references.scene_names())
+@pytest.mark.parametrize("name", variants.scene_names())
 def test_standard_errors_are_small_enough(name: str) -> None:
     """A quarter of those of a thorough test of 0.3 % (image) and 1 % (tiles); a half beside a closed form.
     Where that has every pixel the reference is only its check.
@@ -129,7 +135,7 @@ def test_standard_errors_are_small_enough(name: str) -> None:
 def test_a_changed_scene_makes_its_reference_stale(elsewhere: Path) -> None:
     scene = elsewhere / "scenes" / "furnace.xml"
     scene.write_text(scene.read_text().replace('value="0.5"', 'value="0.4"', 1))
-    with pytest.raises(references.ReferenceError_, match=r"furnace is stale.*raycheck reference furnace"):
+    with pytest.raises(ReferenceError_, match=r"furnace is stale.*raycheck reference furnace"):
         references.load_reference("furnace")
 
 
@@ -140,31 +146,34 @@ def test_line_ends_do_not_make_it_stale(elsewhere: Path) -> None:
 
 
 def test_a_variant_without_a_reference_says_how_to_make_it() -> None:
-    with pytest.raises(references.ReferenceError_, match="raycheck reference furnace -Ddepth=3"):
+    with pytest.raises(ReferenceError_, match="raycheck reference furnace -Ddepth=3"):
         references.load_reference("furnace", {"depth": "3"})
 
 
 def test_a_file_that_is_no_reference_is_refused(elsewhere: Path) -> None:
     (elsewhere / "references" / "furnace.exr").write_bytes(b"no image")
-    with pytest.raises(references.ReferenceError_, match=r"furnace\.exr"):
+    with pytest.raises(ReferenceError_, match=r"furnace\.exr"):
         references.load_reference("furnace")
 
 
 def test_the_hash_covers_scene_parameters_and_the_files_that_the_scene_names(tmp_path: Path) -> None:
     scene, mesh = tmp_path / "a.xml", tmp_path / "m.ply"
-    scene.write_text('<scene><shape type="ply"><string name="filename" value="m.ply"/></shape></scene>')
+    scene.write_text(
+        '<scene><default name="depth" value="2"/>'
+        '<shape type="ply"><string name="filename" value="m.ply"/></shape></scene>'
+    )
     mesh.write_text("one")
-    first = references.scene_hash(scene)
-    assert references.scene_hash(scene, {"depth": "3"}) != first
+    first = variants.scene_hash(scene)
+    assert variants.scene_hash(scene, {"depth": "3"}) != first
     mesh.write_text("two")
-    assert references.scene_hash(scene) != first
+    assert variants.scene_hash(scene) != first
     scene.write_text(
         '<scene><default name="f" value="none"/><default name="file" value="m.ply"/>'
         '<shape type="ply"><string name="filename" value="$file"/></shape></scene>'
     )
-    first = references.scene_hash(scene)
+    first = variants.scene_hash(scene)
     mesh.write_text("three")
-    assert references.scene_hash(scene) != first
+    assert variants.scene_hash(scene) != first
 
 
 def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -> None:
@@ -172,16 +181,16 @@ def test_what_is_written_is_read_back_and_leaves_nothing_else(elsewhere: Path) -
     mean, variance = rng.random((16, 8, 3)), rng.random((16, 8, 3))
     entry = {"skewness": {"8": [[[0.1, None, 2]]]}}
     before = set((elsewhere / "references").iterdir())
-    path = references.write_reference(references.variant("furnace@depth=3"), mean, variance, entry)
+    path = references.write_reference(variants.variant("furnace@depth=3"), mean, variance, entry)
     assert np.allclose(references.read_exr(path), np.concatenate([mean, variance], axis=-1), rtol=1e-7)
     manifest = json.loads((elsewhere / "references" / "manifest.json").read_text())
     assert manifest["furnace@depth=3"] == entry
-    assert manifest["cornell-box"] == references.read_manifest()["cornell-box"]
+    assert manifest["cornell-box"] == read_manifest()["cornell-box"]
     assert set((elsewhere / "references").iterdir()) == before | {path}
 
 
 def test_the_key_of_a_variant_has_its_parameters_sorted() -> None:
-    assert references.Variant(Path("x.xml"), {"b": "2", "a": "1"}).label == "x@a=1,b=2"
+    assert variants.Variant(Path("x.xml"), {"b": "2", "a": "1"}).label == "x@a=1,b=2"
 
 
 # ---- closed forms ----
@@ -192,7 +201,7 @@ def test_mitsuba_and_the_closed_form_agree_within_five_standard_errors(name: str
     """20 scenes of at most 195 values each: new samples would give a false alarm 2 times in a thousand."""
     reference = references.load_reference(name)
     assert reference.closed_form is not None
-    least = 0.7 if name in closed_forms.BORDERS else 0.9
+    least = 0.7 if name in forms.BORDERS else 0.9
     assert np.isfinite(reference.closed_form).mean() > least
     whole, tiles = distances(reference, reference.closed_form)
     assert np.abs(whole).max() < 5
@@ -270,7 +279,7 @@ def test_lamberts_formula_equals_the_integral() -> None:
     d = np.linalg.norm(to_patch, axis=-1)
     area = np.cross(a, b)
     expected = np.mean(to_patch[..., 2] * np.abs(to_patch @ area) / d**4)
-    found = closed_forms.projected_solid_angle(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), corners)
+    found = solids.projected_solid_angle(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), corners)
     assert found[0] == pytest.approx(expected, rel=1e-6)
 
 
@@ -305,24 +314,37 @@ def test_a_parameter_that_the_scene_lacks_is_an_error() -> None:
         references.closed_form("furnace", {"colour": "1"})
 
 
+EACH_FORMULA = (
+    "touching-light", "sphere-light-far", "area-light", "occluded-lights", "thousand-lights", "open-sky",
+    "sun-and-spot", "mirror-light", "mirror-corridor@depth=2", "metal@depth=2", "glass-pane@depth=2",
+    "mixed-material@depth=-1",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("label", EACH_FORMULA)
+def test_a_kept_closed_form_is_what_its_formula_gives(label: str) -> None:
+    """Where it is not, a formula has changed under the same version."""
+    of = variants.variant(label)
+    with np.load(references.closed_form_file(of)) as kept:
+        found = forms.evaluate(of.name, of.path, of.parameters)
+        np.testing.assert_allclose(kept["image"], found, rtol=1e-12)
+
+
 def test_kept_closed_forms_are_those_of_the_scenes_and_formulas_as_they_are() -> None:
-    """Renewed by raycheck reference --closed-forms; two that are quick to evaluate are compared."""
-    for file in sorted((references.references_dir() / "closed-forms").iterdir()):
-        of = references.variant(file.stem)
-        digest = closed_form_store.digest(references.scene_hash(of.path, of.parameters))
-        kept = closed_form_store.read(file, digest)
-        assert kept is not None, file.name
-        if file.stem in ("touching-light", "sphere-light-far"):
-            np.testing.assert_allclose(kept, closed_forms.evaluate(of.name, of.path, {}), rtol=1e-12)
+    """Renewed by raycheck reference --closed-forms."""
+    for file in sorted((data.references_dir() / "closed-forms").iterdir()):
+        of = variants.variant(file.stem)
+        digest = store.digest(variants.scene_hash(of.path, of.parameters))
+        assert store.read(file, digest) is not None, file.name
 
 
 def test_a_closed_form_of_another_digest_is_not_used(tmp_path: Path) -> None:
-    of = references.variant("touching-light")
+    of = variants.variant("touching-light")
     file = tmp_path / "kept/touching-light.npz"
-    assert closed_form_store.keep(file, "hash", of.path, {})
-    assert closed_form_store.read(file, closed_form_store.digest("hash")) is not None
-    assert closed_form_store.read(file, closed_form_store.digest("another")) is None
-    assert closed_form_store.read(tmp_path / "none.npz", closed_form_store.digest("hash")) is None
+    assert store.keep(file, "hash", of.path, {})
+    assert store.read(file, store.digest("hash")) is not None
+    assert store.read(file, store.digest("another")) is None
+    assert store.read(tmp_path / "none.npz", store.digest("hash")) is None
 
 
 def test_scenes_without_closed_form_say_so() -> None:
@@ -348,7 +370,7 @@ def test_skewness_is_that_of_one_sample() -> None:
 
 def test_accumulating_gives_mean_and_variance_of_the_mean() -> None:
     images = np.random.default_rng(2).normal(1e6, 1, size=(50, 4, 4, 3))
-    mean, variance, count = reference_making.accumulate(iter(images))
+    mean, variance, count = making.accumulate(iter(images))
     assert count == 50
     assert np.allclose(mean, images.mean(axis=0), rtol=1e-14)
     assert np.allclose(variance, images.var(axis=0, ddof=1) / 50, rtol=1e-8)
@@ -361,9 +383,9 @@ def test_scenes_are_read_as_mitsuba_reads_them() -> None:
     """Camera rays and light of every scene, in single precision."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
-    for name in references.scene_names():
-        theirs = mi.load_file(str(references.scene_path(name))).sensors()[0]
-        camera = read_scene(references.scene_path(name)).camera
+    for name in variants.scene_names():
+        theirs = mi.load_file(str(variants.scene_path(name))).sensors()[0]
+        camera = read_scene(variants.scene_path(name)).camera
         for x, y in ((0.0, 0.0), (1.0, 0.0), (0.3, 0.9)):
             ray, _ = theirs.sample_ray(0, 0.5, [x, y], [0.5, 0.5])
             ours = camera.directions(np.array(x * camera.width), np.array(y * camera.height))
@@ -374,8 +396,8 @@ def test_new_batches_by_mitsuba_agree_with_the_references() -> None:
     """Scalar, 40 batches of 4 samples: the image means of two scenes within 5 standard errors."""
     pytest.importorskip("mitsuba")
     for name in ("furnace", "mirror-light"):
-        renderer = mitsuba_reference.MitsubaBatches(references.variant(name), "scalar_rgb")
-        mean, variance, _ = reference_making.accumulate(renderer.batches(5000, 40, 4))
+        renderer = mitsuba.MitsubaBatches(variants.variant(name), "scalar_rgb")
+        mean, variance, _ = making.accumulate(renderer.batches(5000, 40, 4))
         reference = references.load_reference(name)
         error = np.sqrt((variance + reference.variance_of_mean).sum(axis=(0, 1)))
         assert (np.abs((mean - reference.mean).sum(axis=(0, 1))) < 5 * error).all()

@@ -7,9 +7,11 @@ import re
 import numpy as np
 import pytest
 
-from raycheck import pictures, references
-from raycheck.images import decode_srgb, encode_srgb, load_image
-from raycheck.report import write_report
+from raycheck.base import pictures
+from raycheck.base.images import decode_srgb, encode_srgb, load_image
+from raycheck.measuring.report import write_report
+from raycheck.scene import variants
+from raycheck.truth import references
 
 SCENES = ("lecture", "furnace", "point-light", "many-lights", "mirror-light", "mesh-light")
 
@@ -35,7 +37,7 @@ def page(oneray, tmp_path_factory):
         }
         header = {"mode": "quick", "date": "2024-01-01", "machine": "m", "totals": {"seconds": 1.0}}
         verdicts.write_text(json.dumps(header | {"cases": [case | figures]}))
-        scenes = [references.variant(name) for name in SCENES]
+        scenes = [variants.variant(name) for name in SCENES]
         return write_report(folder, verdicts, scenes=scenes).read_text(encoding="utf-8")
 
 

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
-from raycheck import error_plots
-from raycheck.images import decode_srgb
+from raycheck.base.images import decode_srgb
+from raycheck.measuring import race_plots
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SIZE = 32
@@ -201,7 +201,7 @@ def test_equal_samples_beside_equal_time(page: Page) -> None:
 
 def test_every_metric_has_its_plots(page: Page) -> None:
     choice = page.locator("select.metric")
-    metrics = [*error_plots.METRICS, error_plots.SPLIT]
+    metrics = [*race_plots.METRICS, race_plots.SPLIT]
     assert choice.locator("option").all_inner_texts() == metrics
     for index, metric in enumerate(metrics):
         choice.select_option(str(index))

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from gradings import need, written
 
-from raycheck.grading import attacks, cgroups, sandbox
-from raycheck.grading.assignment import Limits
-from raycheck.grading.pixels import Decoder, take_picture
-from raycheck.grading.sandbox import Jail, Tier
-from raycheck.images import write_exr, write_pfm
-from raycheck.renderers import RenderError
+from raycheck.base.errors import RenderError
+from raycheck.base.images import write_exr, write_pfm
+from raycheck.grading import attacks
+from raycheck.grading.jail import cgroups, sandbox
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.pixels import Decoder, take_picture
+from raycheck.grading.jail.sandbox import Jail, Tier
 
 
 def test_only_a_plain_file_of_the_right_size_crosses_the_border(tmp_path, decoder: Decoder) -> None:

@@ -7,21 +7,21 @@ import jsonschema
 import numpy as np
 import pytest
 
-from raycheck import references, scene_code, scene_export
-from raycheck.scene_reader import read_scene
+from raycheck.scene import code, export, variants
+from raycheck.scene.reader import read_scene
 
-SCHEMA = jsonschema.Draft202012Validator(json.loads(scene_export.SCHEMA.read_text(encoding="utf-8")))
+SCHEMA = jsonschema.Draft202012Validator(json.loads(export.SCHEMA.read_text(encoding="utf-8")))
 
 
-@pytest.mark.parametrize("of", references.ladder(), ids=lambda of: of.label)
-def test_every_scene_fits_the_schema(of: references.Variant) -> None:
-    SCHEMA.validate(json.loads(scene_export.to_json(scene_export.export(of))))
+@pytest.mark.parametrize("of", variants.ladder(), ids=lambda of: of.label)
+def test_every_scene_fits_the_schema(of: variants.Variant) -> None:
+    SCHEMA.validate(json.loads(export.to_json(export.export(of))))
 
 
 def test_rays_between_the_corners_are_the_camera_s() -> None:
-    of = references.variant("lecture")
+    of = variants.variant("lecture")
     camera = read_scene(of.path).camera
-    data = scene_export.export(of)["camera"]
+    data = export.export(of)["camera"]
     corner, right, below = (np.array(data[k]) for k in ("top_left", "top_right", "bottom_left"))
     for x, y in ((0.0, 0.0), (13.0, 40.5), (camera.width, camera.height)):
         way = corner + (right - corner) * x / camera.width + (below - corner) * y / camera.height
@@ -30,7 +30,7 @@ def test_rays_between_the_corners_are_the_camera_s() -> None:
 
 
 def test_six_faces_of_a_cube_look_outwards() -> None:
-    data = scene_export.export(references.variant("cornell-box"))
+    data = export.export(variants.variant("cornell-box"))
     block = [p for p in data["primitives"] if p["type"] == "parallelogram"][5:11]
     middles = [np.array(p["corner"]) + (np.array(p["edge_u"]) + np.array(p["edge_v"])) / 2 for p in block]
     for face, middle in zip(block, middles, strict=True):
@@ -39,7 +39,7 @@ def test_six_faces_of_a_cube_look_outwards() -> None:
 
 
 def test_triangles_have_the_mesh_s_normals_where_they_are_smooth() -> None:
-    data = scene_export.export(references.variant("smooth-mesh"))
+    data = export.export(variants.variant("smooth-mesh"))
     smooth = [p for p in data["primitives"] if "vertex_normals" in p]
     flat = [p for p in data["primitives"] if p["type"] == "triangle" and "vertex_normals" not in p]
     assert smooth and flat
@@ -49,8 +49,8 @@ def test_triangles_have_the_mesh_s_normals_where_they_are_smooth() -> None:
 
 
 def test_the_header_compiles_and_has_every_primitive(tmp_path) -> None:
-    data = scene_export.export(references.variant("mixed-material"))
-    (tmp_path / "scene.hpp").write_text(scene_code.source(data, scene_code.CPP), encoding="utf-8")
+    data = export.export(variants.variant("mixed-material"))
+    (tmp_path / "scene.hpp").write_text(code.source(data, code.CPP), encoding="utf-8")
     program = """
         #include <cstdio>
         #include "scene.hpp"

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from raycheck.closed_forms import FORMS
-from raycheck.techniques import read_content
+from raycheck.scene.content import read_content
+from raycheck.truth.closed_forms.forms import FORMS
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = sorted((ROOT / "scenes").glob("*.xml"))

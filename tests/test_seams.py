@@ -1,5 +1,5 @@
-"""Seams for what is to come: vertices of a path can be kept, a stretch of a ray can have a transmittance, a
-blend can have several finite parts. They serve where they are asked for, and are not there where they are not.
+"""Seams for what is to come: vertices of a path can be kept, a stretch of a ray can have a transmittance,
+a blend can have several finite parts. They serve where they are asked for, and are not there where not.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ WITH_A_SEAM = "-DLIST(X)=X(room, ROOM | HAS_BLEND | HAS_PARTS, PANELS)"
 
 
 def instructions(sources: Path, target: Path, kinds: Path, instance: str = INSTANCE) -> Counter[str]:
-    """Of one instance: how many of each there are. Which of two numbers a comparison names first, and so which
-    way it jumps, is chance; so is what fills a line up, and now and then a move from register to register.
+    """Of one instance: how many of each there are. Which of two numbers a comparison names first, and so
+    which way it jumps, is chance; so is what fills a line up, and now and then a move from register to register.
     """
     command = [
         "cc", "-std=c99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",

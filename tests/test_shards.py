@@ -18,8 +18,10 @@ from building import ROOT
 from cluster import running
 from typer.testing import CliRunner
 
-from raycheck import pools, shards
+from raycheck.base.errors import Lost
+from raycheck.base.processes import run_process
 from raycheck.cli import app
+from raycheck.renderers import pools, shards
 
 BOX = ROOT / "scenes/cornell-box.xml"
 SPP = 70
@@ -125,7 +127,7 @@ def test_a_killed_process_is_done_again(
     assert (tmp_path / "two").is_dir()
     np.testing.assert_array_equal(pixels(tmp_path / "a.exr"), whole)
     script.write_text("#!/bin/sh\nkill -9 $$\n")
-    with pytest.raises(pools.Lost, match="SIGKILL"):
+    with pytest.raises(Lost, match="SIGKILL"):
         shards.render(work(), SPP, tmp_path / "b.exr", pools.Here(2), tmp_path / "shards")
     assert not (tmp_path / "b.exr").exists()
 
@@ -139,7 +141,7 @@ def test_each_piece_once(tmp_path: Path) -> None:
         with lock:
             attempts[index] += 1
         if index % 3 == 0 and attempts[index] < pools.ATTEMPTS:
-            raise pools.Lost("gone")
+            raise Lost("gone")
         return str(index).encode()
 
     results = list(pools.Here(4).run(piece, [(i,) for i in range(30)]))
@@ -187,7 +189,7 @@ def test_the_end_of_a_pool_is_the_end_of_all_that_it_started(tmp_path: Path) -> 
             while not file.exists() or not file.read_text():
                 time.sleep(0.01)
             return b"other is there"
-        pools.run_process(["sh", "-c", f"setsid sleep 100 & echo $! > {file}; wait"])
+        run_process(["sh", "-c", f"setsid sleep 100 & echo $! > {file}; wait"])
         return b"never"
 
     results = pools.Here(2).run(piece, [(0,), (1,)])

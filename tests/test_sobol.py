@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from sampling import LEVEL, Array, Driver, cell, chi_squared
 from scipy import stats
 
-from raycheck.images import load_image
+from raycheck.base.images import load_image
 
 CAMERA, VERTEX, CHOICE = 0, 1, 2
 SOBOL = ("--sampler", "sobol")

@@ -18,17 +18,19 @@ from building import ROOT
 from cluster import running
 from typer.testing import CliRunner
 
-from raycheck import builds, mutants, pools, references, renderers
-from raycheck.builds import Build
-from raycheck.calibration import gradings, kills, nulls
+from raycheck.base.errors import Lost, NotFound
+from raycheck.calibration import checkout, gradings, kills, mutants, nulls
+from raycheck.calibration.checkout import Checkout
 from raycheck.cli import app
-from raycheck.grading import course, hidden, noise, piece
+from raycheck.grading import course, hidden, noise, one_submission
 from raycheck.grading.assignment import read_assignment
+from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
-from raycheck.grading.oneray_bundle import bundle_oneray
-from raycheck.grading.sandbox import Tier
 from raycheck.grading.submission import Handed
-from raycheck.renderers import NotFound
+from raycheck.renderers import pools
+from raycheck.renderers.bundle import bundle_oneray
+from raycheck.scene import variants
+from raycheck.truth.making import Goal
 
 TASKS = """\
 name = "split"
@@ -96,7 +98,7 @@ def untimed(values: dict) -> dict:
 @pytest.fixture(scope="module")
 def some_class(tmp_path_factory: pytest.TempPathFactory, oneray: Path) -> Class:
     with pytest.MonkeyPatch.context() as patch:
-        goal = hidden.reference_making.Goal(small_batches=128, min_batches=16, most_seconds=1.0)
+        goal = Goal(small_batches=128, min_batches=16, most_seconds=1.0)
         patch.setattr(hidden, "GOAL", goal)
         patch.setenv("ONERAY", str(oneray))
         made = Class(tmp_path_factory.mktemp("split"), oneray)
@@ -121,7 +123,7 @@ class Nobody:
     ) -> Iterator[tuple[int, bytes]]:
         for index, (_, _, student, *_) in enumerate(pieces):
             self.students.append(student)
-            yield index, on_lost(index, pools.Lost("nobody is there"))
+            yield index, on_lost(index, Lost("nobody is there"))
 
 
 @linux
@@ -177,14 +179,14 @@ def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monke
     """What it depends on decides; a bundle of the same oneray, as in a package, is the same."""
     private = some_class.folder / "a.private"
     assert len(json.loads((private / noise.KEPT).read_text(encoding="utf-8"))) == 2  # shown and hidden
-    of = references.variant("point-light")
+    of = variants.variant("point-light")
     monkeypatch.setattr(noise, "IMAGES", noise.GROUPS + 1)
     found = [noise.of_oneray(of, 4, "nee", tmp_path)]
     monkeypatch.setenv("ONERAY", str(bundle_oneray(tmp_path / "bundle")))
-    monkeypatch.setattr(renderers, "oneray_command", None)
+    monkeypatch.setattr(noise, "oneray_command", None)
     found.append(noise.of_oneray(of, 4, "nee", tmp_path))
     assert found[0] == found[1]
-    for other in ((of, 5, "nee"), (of, 4, "mis-power"), (references.variant("area-light"), 4, "nee")):
+    for other in ((of, 5, "nee"), (of, 4, "mis-power"), (variants.variant("area-light"), 4, "nee")):
         with pytest.raises(TypeError):  # it would be measured
             noise.of_oneray(*other, tmp_path)
 
@@ -192,36 +194,36 @@ def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monke
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (Build(raycheck="0" * 64), "another build of raycheck"),
-        (Build(oneray="0" * 64), "another build of oneray"),
-        (Build(sources="oneray-0"), "other sources of oneray"),
+        (Checkout(raycheck="0" * 64), "another build of raycheck"),
+        (Checkout(oneray="0" * 64), "another build of oneray"),
+        (Checkout(sources="oneray-0"), "other sources of oneray"),
     ],
 )
-def test_machines_that_differ_are_refused(build: Build, message: str) -> None:
-    """By every kind of piece, before it does anything."""
+def test_machines_that_differ_are_refused(build: Checkout, message: str) -> None:
+    """By every kind of piece, before it does anything; grading needs no sources."""
     for work in (
-        lambda: piece.grade(b"", Handed("a.zip", b""), "a", 0, Tier.NONE, build),
+        lambda: one_submission.grade(b"", Handed("a.zip", b""), "a", 0, Tier.NONE, build),
         lambda: nulls.one_set(nulls.CONFIGURATIONS[0], 0, build),
         lambda: kills.one_mutant("brdf-2pi", "", build),
         lambda: gradings.one_grading(b"", 0, "", build),
-    ):
+    )[bool(build.sources) :]:
         with pytest.raises(NotFound, match=message):
             work()
 
 
 def test_another_patch_is_refused() -> None:
     with pytest.raises(NotFound, match=r"brdf-2pi\.patch on .* is another patch"):
-        kills.one_mutant("brdf-2pi", "brdf-2pi-0", builds.of_checkout())
+        kills.one_mutant("brdf-2pi", "brdf-2pi-0", checkout.of_checkout())
 
 
 def test_a_machine_without_a_checkout_says_so(tmp_path, monkeypatch) -> None:
-    wanted = builds.of_checkout()
+    wanted = checkout.of_checkout()
     monkeypatch.setattr(mutants, "ROOT", tmp_path)
     mutants._digest.cache_clear()
     with pytest.raises(NotFound, match=f"{platform.node()}: .* needs a checkout"):
-        builds.require(wanted)
+        checkout.require(wanted)
     monkeypatch.undo()
-    builds.require(wanted)
+    checkout.require(wanted)
 
 
 @pytest.mark.parametrize("command", ["grade --assignment a.toml", "calibrate nulls"])

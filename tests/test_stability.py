@@ -13,11 +13,14 @@ from mpmath import mp, mpf
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from raycheck import stability, stability_plots
+from raycheck.base.errors import RenderError
 from raycheck.cli import app
-from raycheck.renderers import RenderError
-from raycheck.stability import Curve, Oneray, Point, Result
-from raycheck.stability_cases import CASES, Case, Parsed, cone_irradiance, rectangle_irradiance
+from raycheck.measuring.stability import plots, sweeps
+from raycheck.measuring.stability.case import Case, Parsed
+from raycheck.measuring.stability.cases import CASES
+from raycheck.measuring.stability.formulas import cone_irradiance, rectangle_irradiance
+from raycheck.measuring.stability.renderers import Oneray
+from raycheck.measuring.stability.results import Curve, Point, Result, read, to_json
 
 CASE = {case.name: case for case in CASES}
 ORDINARY = {
@@ -50,7 +53,7 @@ def program(oneray: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_each_case_holds(case: Case) -> None:
-    curve = stability.sweep(case, Oneray(), case.coarse)
+    curve = sweeps.sweep(case, Oneray(), case.coarse)
     assert curve.first_bad is None
     assert case.goal in case.coarse or case.quick
 
@@ -111,7 +114,7 @@ class Wrong:
     [(1.0, True), (1.009, True), (1.02, False), (0.0, False), (np.nan, False), (-1.0, False)],
 )
 def test_the_sweep_sees_what_is_wrong(factor: float, holds: bool) -> None:
-    curve = stability.sweep(CASE["thin-slab"], Wrong(factor), (1e-1, 1e-2))
+    curve = sweeps.sweep(CASE["thin-slab"], Wrong(factor), (1e-1, 1e-2))
     assert [point.holds for point in curve.points] == [holds, holds]
 
 
@@ -120,7 +123,7 @@ def test_a_leak_is_seen() -> None:
         def render(self, case: Case, settings: dict, spp: int, seed: int) -> NDArray[np.float64]:
             return np.full((16, 16), 0.02 * float(case.truth(Parsed(case.path, settings)).unit))
 
-    assert not stability.sweep(CASE["contact-shadow"], Leak(1), (1e-1,)).points[0].holds
+    assert not sweeps.sweep(CASE["contact-shadow"], Leak(1), (1e-1,)).points[0].holds
 
 
 @pytest.mark.parametrize(("spread", "reason"), [(0.05, ""), (0.2, "noise")])
@@ -132,12 +135,12 @@ def test_what_noise_hides_does_not_hold(spread: float, reason: str) -> None:
             signs = np.where(np.arange(256) % 2, 1.0, -1.0).reshape(16, 16)
             return super().render(case, settings, spp, seed) * (1 + spread * signs)
 
-    point = stability.sweep(CASE["thin-slab"], Noisy(1.0), (1e-1,)).points[0]
+    point = sweeps.sweep(CASE["thin-slab"], Noisy(1.0), (1e-1,)).points[0]
     assert (point.holds, point.reason) == (not reason, reason)
 
 
 def test_after_three_failures_a_sweep_ends() -> None:
-    curve = stability.sweep(CASE["thin-slab"], Wrong(2.0), CASE["thin-slab"].values)
+    curve = sweeps.sweep(CASE["thin-slab"], Wrong(2.0), CASE["thin-slab"].values)
     assert len(curve.points) == 3
     assert curve.last_good is None
 
@@ -169,12 +172,12 @@ def result() -> Result:
 
 def test_a_result_is_read_back_as_it_was_written(tmp_path: Path) -> None:
     file = tmp_path / "stability.json"
-    file.write_text(stability.to_json([result()], {"machine": "a machine", "command": "raycheck stability"}))
-    found, header = stability.read(file)
+    file.write_text(to_json([result()], {"machine": "a machine", "command": "raycheck stability"}))
+    found, header = read(file)
     assert found == [result()]
     assert header["command"] == "raycheck stability"
     assert not result().holds()
-    shown = stability_plots.section(file)
+    shown = plots.section(file)
     assert shown["rows"] == [("thin-slab", "thickness", "1.00 %", "1e-12", "0.1", "0.01, no picture")]
     assert [plot.names for plot in shown["cases"][0].plots] == [
         ["closed form", "oneray"],
@@ -189,4 +192,4 @@ def test_what_is_no_case_or_no_result_is_one_line(tmp_path: Path) -> None:
     broken = tmp_path / "broken.json"
     broken.write_text("{}")
     with pytest.raises(Exception, match=r"no result of raycheck stability --json"):
-        stability.read(broken)
+        read(broken)

@@ -17,7 +17,7 @@ import OpenImageIO as oiio
 import pytest
 from building import ROOT
 
-from raycheck.images import load_image
+from raycheck.base.images import load_image
 
 BOX = ROOT / "scenes/cornell-box.xml"
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from raycheck import statistics as st
-from raycheck.tiles import Tile, quad_tree, region_means, region_variances, whole
-from raycheck.verdict import ALPHA, Expected, Outcome, judge
+from raycheck.stats import statistics as st
+from raycheck.stats.tiles import Tile, quad_tree, region_means, region_variances, whole
+from raycheck.stats.verdict import ALPHA, Expected, Outcome, judge
 
 B = 32
 

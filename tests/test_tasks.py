@@ -9,11 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck import references, renderers, words
-from raycheck.images import load_image
-from raycheck.references import ladder, variant
-from raycheck.tasks import COVER, oneray_agenda, renderer_agenda, write_variant
-from raycheck.techniques import TECHNIQUES, applicable, left_out, read_content
+from raycheck.base import data
+from raycheck.base.errors import NotFound
+from raycheck.base.images import load_image
+from raycheck.judging import sentences
+from raycheck.judging.agenda import COVER, oneray_agenda, renderer_agenda, write_variant
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import TECHNIQUES, applicable, left_out
+from raycheck.scene.variants import ladder, variant
+from raycheck.truth import references
 
 
 @pytest.fixture(autouse=True)
@@ -21,8 +26,8 @@ def built(oneray: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ONERAY", str(oneray))
 
 
-def everything() -> list[references.Variant]:
-    return [variant(name) for name in references.scene_names()]
+def everything() -> list[variants.Variant]:
+    return [variant(name) for name in variants.scene_names()]
 
 
 def test_a_thorough_run_has_every_technique_that_applies_and_the_other_depths() -> None:
@@ -40,7 +45,7 @@ def test_a_thorough_run_has_every_technique_that_applies_and_the_other_depths() 
 
 def test_the_thorough_result_is_of_all_of_them() -> None:
     """The committed one; nothing FAILs in it."""
-    path = references.references_dir() / "verification.json"
+    path = data.references_dir() / "verification.json"
     found = json.loads(path.read_text(encoding="utf-8"))["cases"]
     tasks = oneray_agenda(everything(), (), variants=True).tasks
     assert [(c["scene"], c["technique"]) for c in found] == [(t.label, t.technique) for t in tasks]
@@ -51,7 +56,7 @@ def test_a_quick_run_covers_every_technique_and_every_scene() -> None:
     whole = {(t.label, t.technique) for t in oneray_agenda(everything(), ()).tasks}
     quick = [(t.label, t.technique) for t in oneray_agenda(everything(), (), cover=True).tasks]
     assert set(quick) <= whole and len(quick) < len(whole)
-    assert {label for label, _ in quick} == set(references.scene_names())
+    assert {label for label, _ in quick} == set(variants.scene_names())
     for one in TECHNIQUES:
         everywhere = sum(name == one.name for _, name in whole)
         assert sum(name == one.name for _, name in quick) >= min(COVER, everywhere)
@@ -65,7 +70,7 @@ def test_a_reason_is_said_once() -> None:
         "caustic, light-uniform-choice": "pixel (5, 6) shows a mirror",
         "furnace@depth=2": "there is no fresh reference",
     }
-    assert words.left_out(found) == [
+    assert sentences.left_out(found) == [
         "Left out: light, light-uniform-choice on metal, caustic: a pixel shows a mirror.",
         "Left out: furnace@depth=2: there is no fresh reference.",
     ]
@@ -75,7 +80,7 @@ def test_light_paths_are_left_out_where_the_eye_sees_a_mirror() -> None:
     agenda = oneray_agenda([variant("mirror-light")], ("nee", "light"))
     assert [task.technique for task in agenda.tasks] == ["nee"]
     assert "shows a mirror or glass" in agenda.left_out["mirror-light, light"]
-    with pytest.raises(renderers.NotFound, match="shows a mirror or glass"):
+    with pytest.raises(NotFound, match="shows a mirror or glass"):
         oneray_agenda([variant("mirror-light")], ("light",))
 
 
@@ -110,7 +115,7 @@ def raycheck(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
 def test_a_scene_of_ones_own(tmp_path: Path, by: str) -> None:
     """`raycheck reference` makes its reference, verify then judges it; a change makes it stale."""
     scene = tmp_path / "mine.xml"
-    text = references.scene_path("point-light").read_text()
+    text = variants.scene_path("point-light").read_text()
     scene.write_text(text.replace('name="width" value="64"', 'name="width" value="16"'))
     missing = raycheck("verify", scene, folder=tmp_path)
     assert missing.returncode == 2 and f"make it with: raycheck reference {scene}" in missing.stderr
@@ -143,9 +148,9 @@ def test_what_no_reference_can_be_made_of(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [broken]
 
 
-@pytest.mark.parametrize("name", references.scene_names())
+@pytest.mark.parametrize("name", variants.scene_names())
 def test_every_technique_is_judged_or_left_out_for_a_reason(name: str) -> None:
-    content = read_content(references.scene_path(name))
+    content = read_content(variants.scene_path(name))
     judged, without = applicable(content), left_out(content)
     names = [t.name for t in judged] + [name for names in without.values() for name in names]
     assert sorted(names) == sorted(t.name for t in TECHNIQUES)

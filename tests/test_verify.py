@@ -16,13 +16,16 @@ import numpy as np
 import pytest
 
 import raycheck
-from raycheck import references
-from raycheck.images import encode_srgb, load_image, write_exr, write_pfm, write_png
-from raycheck.renderers import Command, NotFound, RenderError, split_command
-from raycheck.techniques import TECHNIQUES, applicable, read_content, technique
-from raycheck.truth import truth_of
-from raycheck.verdict import Outcome
-from raycheck.verify import PILOT_SPP
+from raycheck.base.errors import NotFound, ReferenceError_, RenderError
+from raycheck.base.images import encode_srgb, load_image, write_exr, write_pfm, write_png
+from raycheck.judging.settings import PILOT_SPP
+from raycheck.renderers.commands import Command, split_command
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import TECHNIQUES, applicable, technique
+from raycheck.stats.verdict import Outcome
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
 HERE = Path(__file__).parent
 SCENE = "point-light"
@@ -350,10 +353,10 @@ class TestRun:
         assert raycheck.Verification(cases).exit_status == status
 
     def test_unknown_scene_or_technique(self, tmp_path):
-        with pytest.raises(references.ReferenceError_, match="no scene 'nowhere'; there are"):
+        with pytest.raises(ReferenceError_, match="no scene 'nowhere'; there are"):
             raycheck.verify(lambda *a: None, ["nowhere"])
         (tmp_path / "mine.xml").write_text("<scene/>")
-        with pytest.raises(references.ReferenceError_, match=r"no reference for mine.*raycheck reference"):
+        with pytest.raises(ReferenceError_, match=r"no reference for mine.*raycheck reference"):
             raycheck.verify(lambda *a: None, [tmp_path / "mine.xml"])
         with pytest.raises(KeyError, match="walk-cosine"):
             technique("walk")
@@ -362,7 +365,7 @@ class TestRun:
         assert judged(noisy(truth), str(scene(SCENE))).scene == SCENE
 
     def test_techniques_fit_the_scenes(self, scene):
-        names = {s: {t.name for t in applicable(read_content(scene(s)))} for s in references.scene_names()}
+        names = {s: {t.name for t in applicable(read_content(scene(s)))} for s in variants.scene_names()}
         assert names["point-light"] == {"nee", "mis-power", "mis-sobol", "light"}
         assert "nee-uniform-choice" in names["many-lights"]
         assert "nee-uniform-choice" not in names["area-light"]
@@ -404,11 +407,11 @@ import sys
 sys.modules["mitsuba"] = None
 import numpy as np
 import raycheck.cli
-from raycheck import references, renderers
+from raycheck.truth import references
 
 try:
     raycheck.verify()
-except renderers.NotFound as error:
+except raycheck.NotFound as error:
     assert "--renderer" in str(error)
 else:
     raise AssertionError("oneray was found")

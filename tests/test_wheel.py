@@ -33,6 +33,20 @@ def raycheck(folder: Path, made: Path, *words: str) -> subprocess.CompletedProce
     )
 
 
+def places(folder: Path) -> list[str]:
+    """Where the installed package, and it alone, finds its scenes and references, and that it has types."""
+    program = """
+from raycheck.base.data import PACKAGE, references_dir, scenes_dir
+from raycheck.scene import variants
+assert len(variants.scene_names()) > 20 and (references_dir() / "manifest.json").is_file()
+found = (scenes_dir(), references_dir(), PACKAGE / "py.typed")
+print(*(path.relative_to(PACKAGE.parent) for path in found if path.exists()))
+"""
+    command = [folder / "clean/bin/python", "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env={}, check=True)
+    return done.stdout.split()
+
+
 def test_a_wheel_with_oneray_renders(oneray: Path, tmp_path: Path) -> None:
     """A clean environment has both programs, and the scenes."""
     made = wheel(tmp_path, f"-Ccmake.define.ONERAY={oneray}")
@@ -42,6 +56,7 @@ def test_a_wheel_with_oneray_renders(oneray: Path, tmp_path: Path) -> None:
     subprocess.run(
         [oneray, ROOT / "scenes/mesh-room.xml", "-o", tmp_path / "b.pfm", "--spp", "2"], check=True
     )
+    assert places(tmp_path) == [f"raycheck/{name}" for name in ("scenes", "references", "py.typed")]
     assert raycheck_mean(tmp_path / "a.exr") == raycheck_mean(tmp_path / "b.pfm")
 
 
@@ -55,6 +70,6 @@ def test_a_wheel_without_a_compiler(tmp_path: Path) -> None:
 
 
 def raycheck_mean(path: Path) -> float:
-    from raycheck.images import load_image
+    from raycheck.base.images import load_image
 
     return float(load_image(path).pixels.sum())

@@ -16,18 +16,20 @@ from pathlib import Path
 
 from scipy import stats
 
-from raycheck import apart, builds, mutants
-from raycheck.builds import Build
+from raycheck.calibration import checkout, mutants
+from raycheck.calibration.checkout import Checkout
 from raycheck.calibration.lines import append_lines, read_lines
+from raycheck.calibration.simulated import Simulated
 from raycheck.grading import assignment_bundle
-from raycheck.grading.assignment import Assignment, Limits, read_assignment
+from raycheck.grading.assignment import Assignment, read_assignment
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
 from raycheck.grading.keys import Keys
-from raycheck.grading.sandbox import Tier
-from raycheck.grading.simulated import Simulated
-from raycheck.pools import Pool
-from raycheck.techniques import BEST
-from raycheck.verdict import Outcome
+from raycheck.renderers import workers
+from raycheck.renderers.pools import Pool
+from raycheck.scene.techniques import BEST
+from raycheck.stats.verdict import Outcome
 
 SPP = 2
 WIDE = 0.5
@@ -79,9 +81,9 @@ def digest_of(grader: Grader) -> str:
     return hashlib.sha256(repr(what).encode()).hexdigest()[:16]
 
 
-def one_grading(assignment: bytes, index: int, digest: str, build: Build) -> bytes:
+def one_grading(assignment: bytes, index: int, digest: str, build: Checkout) -> bytes:
     """`grade_honest` as JSON: a piece of `measure`. `assignment` is of `assignment_bundle.pack`."""
-    builds.require(build)
+    checkout.require(build)
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         asked = quick(read_assignment(assignment_bundle.unpack(assignment, Path(folder))))
         found = grade_honest(Grader.prepare(asked, Tier.NONE), index, digest)
@@ -92,11 +94,11 @@ def measure(file: Path, grader: Grader, count: int, pool: Pool | None = None) ->
     """Gradings 0 … count − 1 of a `quick` assignment; those that `file` has of the same program and tasks
     are kept.
     """
-    digest, build = digest_of(grader), builds.of_checkout()
+    digest, build = digest_of(grader), checkout.of_checkout()
     done = {line["index"] for line in read_lines(file) if line["digest"] == digest}
     assignment = assignment_bundle.pack(grader.assignment)
     pieces = [(assignment, index, digest, build) for index in sorted(set(range(count)) - done)]
-    for _, data in apart.run(pool, one_grading, pieces):
+    for _, data in workers.run(pool, one_grading, pieces):
         found = json.loads(data)
         append_lines(file, [found])
         yield Grading(**found)

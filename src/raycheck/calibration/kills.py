@@ -12,20 +12,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import apart, builds, mutants
-from raycheck.builds import Build
-from raycheck.calibration import rivals, trials
+from raycheck.base.arrays import Array
+from raycheck.base.errors import NotFound
+from raycheck.calibration import checkout, mutants, rivals, trials
+from raycheck.calibration.checkout import Checkout
 from raycheck.calibration.lines import append_lines, read_lines
-from raycheck.mutants import Mutant
-from raycheck.pools import Pool
-from raycheck.renderers import NotFound
-from raycheck.tiles import region_means
-from raycheck.truth import Truth
-from raycheck.verify import PILOT_IMAGES
-
-Array = NDArray[np.float64]
+from raycheck.calibration.mutants import Mutant
+from raycheck.judging.settings import PILOT_IMAGES
+from raycheck.renderers import workers
+from raycheck.renderers.pools import Pool
+from raycheck.stats.tiles import region_means
+from raycheck.truth.expected import Truth
 
 SPP = 8
 MIXES = tuple(4.0**-k for k in range(1, 9))
@@ -64,7 +62,7 @@ def judge_mutant(mutant: Mutant, program: Path, correct: Path, truth: Truth) -> 
         return Kill(mutant.name, kind(mutant), strength, effect, rejected, reason, program.parent.name)
 
     trial = trials.try_program(trials.Program(program, mutant.shows), mutant.scene, truth, SPP)
-    if trial.images is None:
+    if trial.images is None or trial.pilot_images is None:
         return [kill(1.0, None, dict.fromkeys(rivals.NAMES, True), trial.reason)]
     right = _images(correct, mutant.scene, mutant.shows, tuple(trial.requests))
     pilot, images = right[1 : 1 + PILOT_IMAGES], right[1 + PILOT_IMAGES :]
@@ -94,9 +92,9 @@ def _effect(images: Array, pilot: Array, broken: Array, truth: Truth) -> float:
     return float(np.max(np.where(mde > 0, bias / np.where(mde > 0, mde, 1.0), np.where(bias > 0, np.inf, 0))))
 
 
-def one_mutant(name: str, digest: str, build: Build) -> bytes:
+def one_mutant(name: str, digest: str, build: Checkout) -> bytes:
     """`judge_mutant` as JSON: a piece of `measure_kills`. `digest` names the mutant's program."""
-    builds.require(build)
+    checkout.require(build)
     mutant = mutants.read(mutants.FOLDER / f"{name}.patch")
     if mutants.program_path(mutant).parent.name != digest:
         raise NotFound(f"{mutant.patch} on {platform.node()} is another patch: the same checkout is needed")
@@ -108,10 +106,10 @@ def one_mutant(name: str, digest: str, build: Build) -> bytes:
 def measure_kills(file: Path, wanted: Sequence[Mutant], pool: Pool | None = None) -> Iterator[list[Kill]]:
     """What `file` has of the same program is kept, the others are added to it as they come."""
     done = {(line["name"], line["digest"]) for line in read_lines(file)}
-    build = builds.of_checkout()
+    build = checkout.of_checkout()
     programs = [(m.name, mutants.program_path(m).parent.name) for m in sorted(wanted, key=_images_of)]
     pieces = [(*program, build) for program in programs if program not in done]
-    for _, data in apart.run(pool, one_mutant, pieces):
+    for _, data in workers.run(pool, one_mutant, pieces):
         found = json.loads(data)
         append_lines(file, found)
         yield [Kill(**one) for one in found]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 
-def read_lines(file: Path) -> list[dict]:
+def read_lines(file: Path) -> list[dict[str, Any]]:
     """None if there is no file. A last line that was cut off is left out."""
     if not file.is_file():
         return []

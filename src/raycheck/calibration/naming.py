@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from raycheck.calibration import trials
+from raycheck.calibration.mutants import Mutant
 from raycheck.calibration.signatures import COMPLETE, Pair, pairs, read_pair
-from raycheck.diagnosis import USUAL, Diagnosis, catalogue, diagnose, load, scenes
-from raycheck.evidence import Evidence, evidence_of_means
-from raycheck.mutants import Mutant
+from raycheck.judging.diagnosis import USUAL, Diagnosis, catalogue, diagnose, load, scenes
+from raycheck.judging.evidence import Evidence, evidence_of_means
 
 SAME = 0.15
 """Relative difference of signatures below which two mistakes look the same."""

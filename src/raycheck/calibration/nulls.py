@@ -10,23 +10,23 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import apart, builds, mutants, references
-from raycheck import statistics as st
-from raycheck.builds import Build
-from raycheck.calibration import rivals, trials
+from raycheck.base.arrays import Array
+from raycheck.base.seeds import make_seeds
+from raycheck.calibration import checkout, mutants, rivals, trials
+from raycheck.calibration.checkout import Checkout
 from raycheck.calibration.lines import append_lines, read_lines
-from raycheck.pools import Pool
-from raycheck.seeds import make_seeds
-from raycheck.tiles import Tile
-from raycheck.truth import Truth
-from raycheck.verdict import Expected, Outcome, judge
-from raycheck.verify import BATCHES, PILOT_IMAGES
-
-Array = NDArray[np.float64]
+from raycheck.judging.settings import BATCHES, PILOT_IMAGES
+from raycheck.renderers import workers
+from raycheck.renderers.pools import Pool
+from raycheck.scene import variants
+from raycheck.stats import statistics as st
+from raycheck.stats.tiles import Tile
+from raycheck.stats.verdict import Expected, Outcome, judge
+from raycheck.truth.expected import Truth
 
 SPP = 4
 LEVELS = (1e-2, 1e-3)
@@ -74,9 +74,10 @@ def mitsuba_render(configuration: Configuration) -> Render:
     import mitsuba
 
     mitsuba.set_variant("scalar_rgb")
-    scene = mitsuba.load_file(str(references.scene_path(configuration.scene)))
+    scene = mitsuba.load_file(str(variants.scene_path(configuration.scene)))
+    render: Any = mitsuba.render
     return lambda seeds: np.stack(
-        [np.array(mitsuba.render(scene, spp=SPP, seed=seed), dtype=np.float64) for seed in seeds]
+        [np.array(render(scene, spp=SPP, seed=seed), dtype=np.float64) for seed in seeds]
     )
 
 
@@ -106,7 +107,7 @@ class Judged:
     """One verdict on a correct renderer."""
 
     outcome: Outcome
-    p: Counter
+    p: Counter[str]
     """From "image", "tile" or "omnibus" and a level to how many p-values were below it, and to how many there
     were: of single sets, two-sided, without any allowance.
     """
@@ -121,11 +122,11 @@ def judge_null(images: Array, pilot_images: Array, truth: Truth) -> Judged:
     return Judged(outcome, _p_values(sets.first, sets.second, sets.expected), _injected(sets))
 
 
-def _p_values(first: Array, second: Array, expected: Expected) -> Counter:
-    counts: Counter = Counter()
+def _p_values(first: Array, second: Array, expected: Expected) -> Counter[str]:
+    counts: Counter[str] = Counter()
     zero = np.zeros_like(expected.mean)
-    found = [st.moments(r, expected.variance, expected.batches) for r in (first, second)]
-    for residuals, own, other in ((first, *found), (second, *found[::-1])):
+    one, two = (st.moments(r, expected.variance, expected.batches) for r in (first, second))
+    for residuals, own, other in ((first, one, two), (second, two, one)):
         p = np.minimum(1.0, 2 * np.minimum(*st.one_sided_p(own, zero)))
         varies = ~own.exact & (np.ptp(residuals, axis=0) > 0)
         families = {"image": p[0][varies[0]], "tile": p[1:][varies[1:]]}
@@ -164,8 +165,8 @@ def _injected(sets: trials.Sets) -> dict[str, list[bool]]:
 def _notices(sets: trials.Sets, at: tuple[int, int], bias: Array) -> bool:
     """Does the one test of this region and channel FAIL with this bias?"""
     noise = (sets.expected.variance, sets.expected.batches, sets.expected.batch_variance)
-    found = [st.moments(residuals + bias, *noise) for residuals in (sets.first, sets.second)]
-    p = st.two_set_p(*found, sets.expected.allowance)
+    one, two = (st.moments(residuals + bias, *noise) for residuals in (sets.first, sets.second))
+    p = st.two_set_p(one, two, sets.expected.allowance)
     return bool(p[at] <= sets.levels()[at])
 
 
@@ -201,9 +202,9 @@ def judge_set(configuration: Configuration, index: int, render: Render, truth: T
     )  # fmt: skip
 
 
-def one_set(configuration: Configuration, index: int, build: Build) -> bytes:
+def one_set(configuration: Configuration, index: int, build: Checkout) -> bytes:
     """`judge_set` as JSON: a piece of `measure_nulls`."""
-    builds.require(build)
+    checkout.require(build)
     found = judge_set(configuration, index, *_ready(configuration))
     return json.dumps(asdict(found)).encode()
 
@@ -219,14 +220,14 @@ def measure_nulls(
 ) -> Iterator[Set]:
     """`sets` sets of each configuration; what `file` has is kept, new ones are added to it as they come."""
     done = {(line["configuration"], line["index"]) for line in read_lines(file)}
-    build = builds.of_checkout()
+    build = checkout.of_checkout()
     pieces = [
         (one, index, build)
         for index in range(sets)
         for one in configurations
         if (one.label, index) not in done
     ]
-    for _, data in apart.run(pool, one_set, pieces):
+    for _, data in workers.run(pool, one_set, pieces):
         found = json.loads(data)
         append_lines(file, [found])
         yield Set(**found)
@@ -235,7 +236,7 @@ def measure_nulls(
 def summary(file: Path) -> dict[str, object]:
     """False alarms, p-values and powers of all sets in the file."""
     sets = sorted(read_lines(file), key=lambda line: (line["configuration"], line["index"]))
-    p: Counter = Counter()
+    p: Counter[str] = Counter()
     for line in sets:
         p.update(line["p"])
     table = {}

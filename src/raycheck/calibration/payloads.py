@@ -12,11 +12,13 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from raycheck import films, mutants, references
-from raycheck.cli_support import replace
-from raycheck.mutants import OPTIONS, Mutant
-from raycheck.renderers import RenderError
-from raycheck.techniques import technique
+from raycheck.base.errors import RenderError
+from raycheck.base.files import write_whole
+from raycheck.calibration import mutants
+from raycheck.calibration.mutants import OPTIONS, Mutant
+from raycheck.renderers import films
+from raycheck.scene import variants
+from raycheck.scene.techniques import technique
 
 FILE = mutants.FOLDER / "payloads.json"
 SAMPLES, SEED = 4, 0
@@ -47,7 +49,7 @@ def of_program(program: Path, scene: str, shows: str) -> str:
     """Of the film's numbers and of the picture that is made of them, 16 hex digits; RenderError."""
     with tempfile.TemporaryDirectory(prefix="payload-") as folder:
         film, picture = Path(folder) / "film", Path(folder) / "picture.pfm"
-        words = [str(references.scene_path(scene)), *technique(shows).options, *OPTIONS, "--quiet"]
+        words = [str(variants.scene_path(scene)), *technique(shows).options, *OPTIONS, "--quiet"]
         words += ["--samples", f"0:{SAMPLES}", "--seed", str(SEED), "--film", str(film)]
         _run([str(program), *words])
         _run([str(program), "merge", str(film), "-o", str(picture)])
@@ -70,4 +72,4 @@ def keep(found: dict[str, str]) -> None:
     """Those of some mutants; the others stay as they are, without those that are gone."""
     names = {mutant.name for mutant in mutants.catalogue()}
     whole = {name: payload for name, payload in (kept() | found).items() if name in names}
-    replace(FILE, json.dumps(whole, indent=0, sort_keys=True) + "\n")
+    write_whole(FILE, json.dumps(whole, indent=0, sort_keys=True) + "\n")

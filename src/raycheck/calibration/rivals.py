@@ -4,14 +4,12 @@ Images are (B, H, W, 3) of independent seeds, `spp` samples per pixel each; ever
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-from raycheck.images import encode_srgb
-from raycheck.tiles import Tile, region_means, region_variances
-from raycheck.truth import Truth
-
-Array = NDArray[np.float64]
+from raycheck.base.arrays import Array
+from raycheck.base.images import encode_srgb
+from raycheck.stats.tiles import Tile, region_means, region_variances
+from raycheck.truth.expected import Truth
 
 LEVEL = 0.01
 """Mitsuba's and Nori's level of significance; also given to Welch's test, which has no verdict of its own."""

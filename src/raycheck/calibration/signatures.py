@@ -6,24 +6,25 @@ under build/calibration until the signatures are put together.
 """
 
 import json
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import mutants, references, renderers
-from raycheck.calibration import payloads, trials
-from raycheck.diagnosis import folder
-from raycheck.evidence import fine_tiles
-from raycheck.mutants import Mutant
-from raycheck.seeds import make_seeds
-from raycheck.techniques import applicable, read_content, technique
-from raycheck.tiles import region_means
-
-Array = NDArray[np.float64]
+from raycheck.base.arrays import Array
+from raycheck.base.errors import RenderError
+from raycheck.base.files import whole, write_whole
+from raycheck.base.seeds import make_seeds
+from raycheck.calibration import mutants, payloads, trials
+from raycheck.calibration.mutants import Mutant
+from raycheck.judging.diagnosis import folder
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.scene.techniques import applicable, technique
+from raycheck.stats.tiles import grid, region_means
+from raycheck.truth import references
 
 SPP, SEEDS = 8, 8
 
@@ -54,7 +55,7 @@ def pairs(wanted: Sequence[Mutant]) -> list[Pair]:
     """Each mistake in each complete scene that its technique applies to, and in the one that shows it."""
     found = []
     for scene in scenes_of(wanted):
-        possible = applicable(read_content(references.scene_path(scene)))
+        possible = applicable(read_content(variants.scene_path(scene)))
         found += [
             Pair(m, scene)
             for m in wanted
@@ -88,26 +89,26 @@ def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
     # Variants are tests of naming: they have seeds of their own.
     key = f"signature/{pair.scene}/{bool(pair.mutant.variant)}"
     seeds = make_seeds(key, SEEDS)
-    none = np.zeros((0, len(fine_tiles(*_shape(pair.scene))), 3))
+    none = np.zeros((0, len(grid(*_shape(pair.scene))), 3))
     broken = right = none
     try:
         first, correct = _correct_means(pair.scene, name, seeds, work)
         same = np.array_equal(trials.Program(program, name).images(pair.scene, [(1, 1)])[0], first)
         broken = correct if same else _tile_means(program, pair.scene, name, seeds)
         right = correct
-    except renderers.RenderError:
+    except RenderError:
         broken = right = none
     _save(path, broken=broken, right=right)
 
 
 def _shape(scene: str) -> tuple[int, int]:
-    entry = references.require(references.variant(scene))
+    entry = references.require(variants.variant(scene))
     return entry["height"], entry["width"]
 
 
 def _tile_means(program: Path, scene: str, name: str, seeds: Sequence[int]) -> Array:
     images = trials.Program(program, name).images(scene, [(SPP, seed) for seed in seeds])
-    return region_means(images, fine_tiles(*_shape(scene)))
+    return region_means(images, grid(*_shape(scene)))
 
 
 def _correct_means(scene: str, name: str, seeds: Sequence[int], work: Path) -> tuple[Array, Array]:
@@ -121,11 +122,9 @@ def _correct_means(scene: str, name: str, seeds: Sequence[int], work: Path) -> t
         return arrays["first"], arrays["right"]
 
 
-def _save(path: Path, **arrays: Array) -> None:
-    with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
-        partial = Path(scratch) / path.name
+def _save(path: Path, **arrays: Any) -> None:
+    with whole(path) as partial:
         np.savez_compressed(partial, **arrays)
-        partial.replace(path)
 
 
 def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
@@ -172,7 +171,7 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
             error=np.array(errors, dtype=np.float32), deviation=np.array(deviations, dtype=np.float16),
         )  # fmt: skip
         scenes[scene] = {
-            "hash": references.scene_hash(references.scene_path(scene)), "mistakes": names,
+            "hash": variants.scene_hash(variants.scene_path(scene)), "mistakes": names,
             "spp": SPP * SEEDS, "complete": scene in COMPLETE,
         }  # fmt: skip
     listing = {
@@ -185,8 +184,6 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
             if m.name in seen
         },
         "scenes": scenes,
-    }  # fmt: skip
-    partial = target / ".manifest.json.part"
-    partial.write_text(json.dumps(listing, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    partial.replace(target / "manifest.json")
+    }
+    write_whole(target / "manifest.json", json.dumps(listing, indent=1, ensure_ascii=False) + "\n")
     return target

@@ -7,22 +7,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import checks, references, renderers
-from raycheck import statistics as st
+from raycheck.base.arrays import Array
+from raycheck.base.errors import RenderError
+from raycheck.base.images import Image
 from raycheck.calibration import rivals
-from raycheck.images import Image
-from raycheck.mutants import OPTIONS
-from raycheck.pilot import measure
-from raycheck.renderers import Rendering
-from raycheck.techniques import technique
-from raycheck.tiles import Tile, region_means
-from raycheck.truth import Truth, truth_of
-from raycheck.verdict import ALPHA, SHARE_IMAGE, SHARE_TILES, Expected, Judgement, Outcome, judge
-from raycheck.verify import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds, verify
-
-Array = NDArray[np.float64]
+from raycheck.calibration.mutants import OPTIONS
+from raycheck.judging import checks
+from raycheck.judging.plan import measure
+from raycheck.judging.settings import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds
+from raycheck.judging.verify import verify
+from raycheck.renderers.renderer import Rendering
+from raycheck.scene import variants
+from raycheck.scene.techniques import technique
+from raycheck.stats import statistics as st
+from raycheck.stats.tiles import Tile, region_means
+from raycheck.stats.verdict import ALPHA, SHARE_IMAGE, SHARE_TILES, Expected, Judgement, Outcome, judge
+from raycheck.truth import references
+from raycheck.truth.expected import Truth, truth_of
 
 
 @dataclass(frozen=True)
@@ -34,14 +36,14 @@ class Program:
 
     def images(self, scene: str, requests: Sequence[tuple[int, int]]) -> Array:
         """(n, H, W, 3) of (spp, seed); RenderError with its words where the program gives up."""
-        file = references.scene_path(scene)
-        entry = references.require(references.variant(scene))
+        file = variants.scene_path(scene)
+        entry = references.require(variants.variant(scene))
         words = [str(self.path.with_name("many-seeds")), str(file), "-o", "none.exr", "--quiet",
                  *technique(self.technique).options, *OPTIONS]  # fmt: skip
         lines = "".join(f"{spp} {seed}\n" for spp, seed in requests)
         done = subprocess.run(words, input=lines.encode(), capture_output=True, check=False)
         if done.returncode:
-            raise renderers.RenderError(done.stderr.decode(errors="replace").strip() or f"{done.returncode}")
+            raise RenderError(done.stderr.decode(errors="replace").strip() or f"{done.returncode}")
         values = np.frombuffer(done.stdout, dtype=np.float32).astype(np.float64)
         return values.reshape(len(requests), entry["height"], entry["width"], 3)
 
@@ -67,8 +69,8 @@ class Sets:
     def detectable(self) -> Array:
         """(R, 3) smallest bias that FAILs with 90 % power, in the units of the image."""
         noise = (self.expected.variance, self.expected.batches, self.expected.batch_variance)
-        sets = [st.moments(residuals, *noise) for residuals in (self.first, self.second)]
-        return st.detectable_bias(*sets, self.levels(), self.expected.allowance)
+        one, two = (st.moments(residuals, *noise) for residuals in (self.first, self.second))
+        return st.detectable_bias(one, two, self.levels(), self.expected.allowance)
 
     def levels(self) -> Array:
         """(R, 3) two-sided level of each test over both sets."""
@@ -128,13 +130,13 @@ class Trial:
 
 def try_program(program: Program, scene: str, truth: Truth, spp: int, seed: int = 0) -> Trial:
     """Judge as `raycheck verify --renderer … --spp` does; the other rules get all of its 64 images."""
-    first, count = references.require(references.variant(scene))["seeds"]
+    first, count = references.require(variants.variant(scene))["seeds"]
     seeds = case_seeds(scene, "renderer", seed, range(first, first + count))[: 1 + PILOT_IMAGES + 2 * BATCHES]
     ends = 1 + PILOT_IMAGES
     requests = [(1, seeds[0]), *((PILOT_SPP, s) for s in seeds[1:ends]), *((spp, s) for s in seeds[ends:])]
     try:
         made = program.images(scene, requests)
-    except renderers.RenderError as error:
+    except RenderError as error:
         return Trial(str(error), {}, None, None, requests, spp)
     [case] = verify(Ready(dict(zip(requests, made, strict=True))), [scene], spp=spp, seed=seed, jobs=1).cases
     images = made[ends:]

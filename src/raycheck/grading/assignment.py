@@ -7,10 +7,11 @@ from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from raycheck import references
-from raycheck.references import ReferenceError_, Variant
-from raycheck.renderers import NotFound
-from raycheck.techniques import TECHNIQUES, technique
+from raycheck.base.errors import NotFound, ReferenceError_
+from raycheck.grading.jail.limits import Limits
+from raycheck.scene.techniques import TECHNIQUES, technique
+from raycheck.scene.variants import Variant, variant
+from raycheck.truth import references
 
 REVIEW = "review"
 PROGRAM, PICTURES = "program", "pictures"
@@ -65,20 +66,6 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Of the sandbox."""
-
-    build_seconds: float = 120.0
-    picture_seconds: float = 10.0
-    task_seconds: float = 300.0
-    memory_mb: int = 1024
-    processes: int = 64
-    output_mb: int = 64
-    readable: tuple[str, ...] = ()
-    """Folders beyond /usr that programs may read, such as a Python environment."""
-
-
-@dataclass(frozen=True)
 class Assignment:
     path: Path
     name: str
@@ -104,7 +91,7 @@ class Assignment:
     def scene(self, name: str) -> Variant:
         """The scene of a task; ReferenceError_ if there is none."""
         beside = self.path.parent / name
-        return references.variant(beside if beside.is_file() else name)
+        return variant(beside if beside.is_file() else name)
 
 
 def read_assignment(path: Path) -> Assignment:
@@ -130,7 +117,8 @@ def read_assignment(path: Path) -> Assignment:
         raise NotFound(f"{path}: two tasks have the id {doubled!r}")
     assignment = _table(Assignment, found, str(path), path=path, tasks=tasks, limits=limits)
     _check(assignment)
-    return assignment
+    result: Assignment = assignment
+    return result
 
 
 def _limits(limits: Limits, where: str) -> Limits:
@@ -158,7 +146,8 @@ def _task(table: Mapping[str, Any], where: str) -> Task:
             raise NotFound(f"{where}: {key.replace('points', 'limit')} is wanted to be more than 0")
         if key in table and not task.technique:
             raise NotFound(f"{where}: {key} need the technique of oneray to compare with")
-    return task
+    result: Task = task
+    return result
 
 
 def _table(kind: type, table: Mapping[str, Any], where: str, **given: Any) -> Any:
@@ -181,7 +170,7 @@ _KINDS = {
 
 
 def _value(value: Any, kind: Any, where: str) -> Any:
-    accepted = _KINDS[kind]
+    accepted: tuple[Any, ...] = _KINDS[kind]
     if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in accepted):
         wanted = "a list of strings" if accepted[0] is list else getattr(kind, "__name__", kind)
         raise NotFound(f"{where} is {value!r}, {wanted} is wanted")

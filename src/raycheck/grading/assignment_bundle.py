@@ -8,10 +8,10 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from raycheck import references
+from raycheck.base.errors import NotFound
 from raycheck.grading.assignment import Assignment
 from raycheck.grading.keys import private_folder
-from raycheck.renderers import NotFound
+from raycheck.scene import variants
 
 ASSIGNMENT = "assignment.toml"
 
@@ -26,7 +26,7 @@ def copy_assignment(assignment: Assignment, folder: Path) -> None:
                 continue
             root = assignment.path.parent.resolve()
             made = (path for path in of.folder.iterdir() if path.is_file())
-            for file in (of.path, *references.files_of(of.path, of.parameters), *made):
+            for file in (of.path, *variants.files_of(of.path, of.parameters), *made):
                 if not file.resolve().is_relative_to(root):
                     raise NotFound(f"{file}: the scenes of an assignment must be beside or below it")
                 target = folder / file.resolve().relative_to(root)

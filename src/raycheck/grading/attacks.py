@@ -13,17 +13,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from raycheck.base import data
+from raycheck.base.data import ROOT
+from raycheck.base.errors import NotFound
 from raycheck.grading import course
 from raycheck.grading.assignment import read_assignment
+from raycheck.grading.jail.sandbox import FIRST_USER, GRADING, USERS, Tier
 from raycheck.grading.judge import Grader
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
-from raycheck.grading.sandbox import FIRST_USER, GRADING, USERS, Tier
-from raycheck.pools import Here
-from raycheck.references import references_dir
-from raycheck.renderers import NotFound
+from raycheck.renderers.pools import Here
 
-FOLDER = Path(__file__).resolve().parents[3] / "tests/attacks"
+FOLDER = ROOT / "tests/attacks"
 ASSIGNMENT = """\
 name = "attacks"
 delta = 0.05
@@ -127,9 +128,9 @@ def hostile_archives(folder: Path) -> dict[str, str]:
         archive.writestr(info, "/etc/passwd")
     for name, kind in (("tar-link.tar", tarfile.SYMTYPE), ("tar-device.tar", tarfile.CHRTYPE)):
         with tarfile.open(folder / name, "w") as archive:
-            info = tarfile.TarInfo("raycheck.toml")
-            info.type, info.linkname = kind, "/etc/passwd"
-            archive.addfile(info)
+            member = tarfile.TarInfo("raycheck.toml")
+            member.type, member.linkname = kind, "/etc/passwd"
+            archive.addfile(member)
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
         archive.writestr("raycheck.toml", 'run = "x {output}"')
@@ -153,8 +154,8 @@ def _honest(result: StudentResult) -> Survived:
 
 
 def _outside(work: Path) -> str:
-    """Of what no attack may change: the references, the attacks themselves, and the class folder."""
-    return " ".join(digest_of(folder) for folder in (references_dir(), FOLDER, work / "class"))
+    """A digest of what no attack may change: the references, the attacks themselves, and the class folder."""
+    return " ".join(digest_of(folder) for folder in (data.references_dir(), FOLDER, work / "class"))
 
 
 def _unchanged(before: str, after: str) -> Survived:
@@ -171,7 +172,7 @@ def _nothing_left(jails: int) -> Survived:
 
 
 def _owner(process: Path) -> int:
-    """Its user, −1 where it is dead."""
+    """The user of a process, −1 where it is dead."""
     try:
         alive = process.joinpath("stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
         return process.stat().st_uid if alive else -1

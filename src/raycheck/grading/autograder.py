@@ -9,14 +9,14 @@ import time
 from dataclasses import replace as changed
 from pathlib import Path
 
-from raycheck.cli_support import replace
-from raycheck.grading import course, piece, sandbox
+from raycheck.base.errors import NotFound, ReferenceError_
+from raycheck.base.files import write_whole
+from raycheck.grading import course, one_submission
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.assignment_bundle import ASSIGNMENT
-from raycheck.grading.gradescope import failed_json, results_json
+from raycheck.grading.jail import sandbox
 from raycheck.grading.judge import Grader
-from raycheck.references import ReferenceError_
-from raycheck.renderers import NotFound
+from raycheck.grading.written.gradescope import failed_json, results_json
 
 UNFINISHED = "The grading was ended before it was finished. These are no final points: tell your teacher."
 NOT_STARTED = "The grading could not start, and it is not your fault: tell your teacher."
@@ -26,17 +26,17 @@ def run(root: Path, seconds: float) -> None:
     """Grade root/submission into root/results/results.json."""
     started = time.perf_counter()
     results = root / "results/results.json"
-    replace(results, failed_json(UNFINISHED))
+    write_whole(results, failed_json(UNFINISHED))
     try:
         assignment = read_assignment(root / "source" / ASSIGNMENT)
         grader = Grader.prepare(assignment, sandbox.best_tier())
     except (NotFound, ReferenceError_) as error:
         print(error)
-        replace(results, failed_json(NOT_STARTED))
+        write_whole(results, failed_json(NOT_STARTED))
         return
     grader = changed(grader, seconds=seconds - (time.perf_counter() - started))
-    result = piece.grade_one(grader, course.content(root / "submission"), "submission")
-    replace(results, results_json(result))
+    result = one_submission.grade_one(grader, course.content(root / "submission"), "submission")
+    write_whole(results, results_json(result))
     print(result.to_json(pictures=False))
 
 

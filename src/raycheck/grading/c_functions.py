@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.renderers import NotFound
+from raycheck.base.errors import NotFound
 
 _HIDDEN = re.compile(
     r"/\*.*?\*/|//[^\n]*"  # comments

@@ -14,21 +14,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from raycheck import builds
-from raycheck.builds import Build
-from raycheck.cli_support import replace as write_whole
-from raycheck.grading import assignment_bundle, piece, submission
+from raycheck.base.errors import Lost, NotFound
+from raycheck.base.files import write_whole as write_whole
+from raycheck.grading import assignment_bundle, one_submission, submission
 from raycheck.grading.assignment import PICTURES, Assignment
-from raycheck.grading.gradescope import results_json
+from raycheck.grading.jail.sandbox import GRADING, Tier
 from raycheck.grading.judge import Grader, make_picture_references
 from raycheck.grading.keys import digest_of
-from raycheck.grading.pages import course_page, student_page
 from raycheck.grading.results import StudentResult
-from raycheck.grading.sandbox import GRADING, Tier
 from raycheck.grading.submission import SubmissionError, is_archive
-from raycheck.grading.tables import Override, apply_overrides, grades_csv, junit_xml
-from raycheck.pools import ATTEMPTS, Lost, Pool
-from raycheck.renderers import NotFound
+from raycheck.grading.written.gradescope import results_json
+from raycheck.grading.written.pages import course_page, student_page
+from raycheck.grading.written.tables import Override, apply_overrides, grades_csv, junit_xml
+from raycheck.renderers import builds
+from raycheck.renderers.builds import Build
+from raycheck.renderers.pools import ATTEMPTS, Pool
 
 RESULT = "result.json"
 TEACHERS = "teacher.html"
@@ -88,8 +88,8 @@ def folder_name(student: str) -> str:
 
 
 @dataclass(frozen=True)
-class _Pieces(Sequence):
-    """Of `piece.grade`, one for each submission; made when it is asked for."""
+class _Pieces(Sequence[Any]):
+    """The arguments of `one_submission.grade` for each submission, made when they are asked for."""
 
     grader: Grader
     entries: Sequence[Entry]
@@ -105,7 +105,7 @@ class _Pieces(Sequence):
     def __len__(self) -> int:
         return len(self.entries)
 
-    def __getitem__(self, index: int) -> tuple[Any, ...]:
+    def __getitem__(self, index: Any) -> Any:
         entry = self.entries[index]
         handed, slot = submission.pack(content(entry.path)), GRADING + index
         return self._assignment, handed, entry.student, slot, self.grader.tier, self._build
@@ -123,9 +123,9 @@ def grade_class(
 
     def on_lost(index: int, error: Lost) -> bytes:
         why = f"the grader failed {ATTEMPTS} times ({error})"
-        return piece.ungraded(grader.assignment, todo[index].student, why).to_json().encode()
+        return one_submission.ungraded(grader.assignment, todo[index].student, why).to_json().encode()
 
-    for index, data in pool.run(piece.grade, _Pieces(grader, todo), on_lost):
+    for index, data in pool.run(one_submission.grade, _Pieces(grader, todo), on_lost):
         result = StudentResult.from_json(data)
         results[todo[index].student] = result
         write_student(grader.assignment, result, out)
@@ -159,7 +159,7 @@ def _kept(grader: Grader, entry: Entry, out: Path) -> StudentResult | None:
 
 
 def _read(path: Path) -> StudentResult | None:
-    """None where there is none, or one of another raycheck."""
+    """The result that is kept; None where there is none, or one of another raycheck."""
     try:
         return StudentResult.read(path)
     except (OSError, ValueError, KeyError, TypeError):

@@ -7,20 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import references
+from raycheck.base.arrays import Array
+from raycheck.base.errors import RenderError
+from raycheck.base.images import Image
 from raycheck.grading.hidden import look_at, with_reference
-from raycheck.grading.pixels import Decoder
-from raycheck.images import Image
-from raycheck.reference_making import tile_means
-from raycheck.references import Variant
-from raycheck.renderers import RenderError
-from raycheck.tiles import SMALLEST
-from raycheck.verdict import Limits, Outcome
-from raycheck.verify import Case, judge_pictures
-
-Array = NDArray[np.float64]
+from raycheck.grading.jail.pixels import Decoder
+from raycheck.judging.pictures import judge_pictures
+from raycheck.judging.verdicts import Case
+from raycheck.scene.variants import Variant
+from raycheck.stats.tiles import SMALLEST, tile_means
+from raycheck.stats.verdict import Limits, Outcome
+from raycheck.truth import references
 
 MOST = 256
 """Pictures of a task that are read."""
@@ -56,7 +54,7 @@ def _read(file: Path, most_bytes: int, size: tuple[int, int], decoder: Decoder) 
 
 
 def shows_rather(mean: Array, other: Variant, own: Variant) -> bool:
-    """Is the picture (H, W, 3) much nearer to another scene than to the one that it should show?"""
+    """Whether the picture (H, W, 3) is much nearer to another scene than to the one that it should show."""
     near, far = (_distance(mean, references.load_reference(one).best()[0]) for one in (other, own))
     return near < NEARER * far
 

@@ -7,11 +7,12 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from raycheck.base.data import ROOT
+from raycheck.base.errors import NotFound
 from raycheck.grading.assignment import Assignment, Task
 from raycheck.grading.c_functions import Function, find
-from raycheck.mutants import ROOT
-from raycheck.renderers import NotFound
-from raycheck.techniques import technique
+from raycheck.scene import document
+from raycheck.scene.techniques import technique
 
 SOURCES = Path("src/oneray")
 MANIFEST = """\
@@ -117,7 +118,7 @@ def _copy_scenes(assignment: Assignment, folder: Path) -> None:
     folder.mkdir()
     for of in {assignment.path_of(scene) for task in assignment.tasks for scene in task.scenes}:
         shutil.copy(of, folder)
-        for mesh in re.findall(r'name="filename" value="([^"]+)"', of.read_text(encoding="utf-8")):
+        for mesh in document.read(of).names():
             (folder / mesh).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(of.parent / mesh, folder / mesh)
 

@@ -6,27 +6,28 @@ the secret. The reference is oneray's, made once and kept with the scene.
 """
 
 import math
-import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import reference_making, references, renderers
+from raycheck.base.arrays import Array
+from raycheck.base.errors import ReferenceError_
+from raycheck.base.files import one_process
+from raycheck.base.machine import cores
 from raycheck.grading.keys import Keys
-from raycheck.pools import cores, one_process
-from raycheck.references import Variant
-from raycheck.techniques import BEST, technique
-
-Array = NDArray[np.float64]
+from raycheck.renderers.oneray import oneray_command, oneray_path
+from raycheck.scene import document, variants
+from raycheck.scene.techniques import BEST, technique
+from raycheck.scene.variants import Variant
+from raycheck.truth import making, references
 
 LEAST_TURN, MOST_TURN = math.radians(6), math.radians(16)
 DIMMEST, BRIGHTEST = 0.7, 1.4
 """Factors of each channel of a light."""
 SIMILAR = 0.3
 """The mean of a variant may not fall below this share of the original's: nothing is to be seen then."""
-GOAL = reference_making.Goal(
+GOAL = making.Goal(
     image=0.02, tile=0.1, checked_tile=0.1, spp_per_batch=64, most_seconds=60.0
 )  # fmt: skip
 """Standard errors of a reference over the assignment's delta: hardly a verdict is wider for them."""
@@ -45,7 +46,7 @@ def hidden_variants(of: Variant, count: int, keys: Keys, folder: Path, delta: fl
 
 
 def pool_index(of: Variant, student: str, count: int, keys: Keys) -> int:
-    """Which one of the pool is a student's: HMAC(secret, student) modulo `count`."""
+    """The number of a student's variant in the pool: HMAC(secret, student) modulo `count`."""
     return keys.number(f"{of.label}/pool/{student}", hidden=True) % count
 
 
@@ -66,7 +67,7 @@ def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) 
     path = folder / f"{of.label.replace('=', '-').replace('@', '-')}-{name}.xml"
     texts = [vary(of, f"{purpose}/{attempt}", keys) for attempt in range(TRIES)]
     if path.is_file() and path.read_text(encoding="utf-8") in texts:
-        made = references.variant(path)
+        made = variants.variant(path)
         if references.is_fresh(made):
             return made
     least = SIMILAR * references.load_reference(of).mean.mean()
@@ -75,59 +76,55 @@ def _scene_file(of: Variant, purpose: str, name: str, keys: Keys, folder: Path) 
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _copy_meshes(of, folder)
             path.write_text(text, encoding="utf-8")
-        made = references.variant(path)
+        made = variants.variant(path)
         if look_at(made).mean() > least:
             return made
-    raise references.ReferenceError_(f"{of.label}: no variant shows enough light")
+    raise ReferenceError_(f"{of.label}: no variant shows enough light")
 
 
 def look_at(of: Variant) -> Array:
     """A picture (H, W, 3) with some noise, in no time."""
-    command = renderers.oneray_command(renderers.oneray_path(), technique(BEST).options, of.parameters)
+    command = oneray_command(oneray_path(), technique(BEST).options, of.parameters)
     return command.render(of.path, LOOK_SPP, 0, 600.0).image.pixels
 
 
 def _with_reference(made: Variant, delta: float) -> Variant:
     goal = replace(GOAL, image=GOAL.image * delta, tile=GOAL.tile * delta)
     if not (references.is_fresh(made) and references.require(made).get("image_goal", 1.0) <= goal.image):
-        renderer = reference_making.OnerayBatches(made, cores())
-        plan = reference_making.pilot(renderer, goal)
-        reference_making.make_reference(made, renderer, plan, goal)
+        renderer = making.OnerayBatches(made, cores())
+        plan = making.make_plan(renderer, goal)
+        making.make_reference(made, renderer, plan, goal)
     return made
 
 
 def _copy_meshes(of: Variant, folder: Path) -> None:
-    for string in ElementTree.parse(of.path).getroot().iter("string"):
-        if string.get("name") == "filename":
-            name = string.get("value", "")
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes((of.path.parent / name).read_bytes())
+    for name in of.document().names():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes((of.path.parent / name).read_bytes())
 
 
 def vary(of: Variant, purpose: str, keys: Keys) -> str:
     """The scene file of a variant."""
-    root = ElementTree.parse(of.path).getroot()
-    for default in root.iter("default"):
-        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
-    for step in root.findall("./sensor/transform/lookat"):
+    root, said = of.document().root, of.document().resolved()
+    for step, values in zip(*(r.findall("./sensor/transform/lookat") for r in (root, said)), strict=True):
         origin, target, up = (
-            np.array([float(word) for word in step.get(key, "").replace(",", " ").split()])
+            np.array([float(word) for word in values.get(key, "").replace(",", " ").split()])
             for key in ("origin", "target", "up")
         )
         turn = LEAST_TURN + (MOST_TURN - LEAST_TURN) * keys.fraction(f"{purpose}/turn")
         side = 1 if keys.fraction(f"{purpose}/side") < 0.5 else -1
         moved = target + _turned(origin - target, up, side * turn)
         step.set("origin", ", ".join(f"{x:.6g}" for x in moved))
-    for number, emitter in enumerate(root.iter("emitter")):
-        for colour in emitter.findall("rgb"):
-            values = np.array([float(word) for word in colour.get("value", "").replace(",", " ").split()])
+    for number, emitters in enumerate(zip(root.iter("emitter"), said.iter("emitter"), strict=True)):
+        for colour, values in zip(*(e.findall("rgb") for e in emitters), strict=True):
+            light = np.array([float(word) for word in values.get("value", "").replace(",", " ").split()])
             scales = [
                 DIMMEST + (BRIGHTEST - DIMMEST) * keys.fraction(f"{purpose}/light {number}/{c}")
                 for c in range(3)
             ]
-            scaled = np.broadcast_to(values, 3) * scales
+            scaled = np.broadcast_to(light, 3) * scales
             colour.set("value", ", ".join(f"{x:.6g}" for x in scaled))
-    return ElementTree.tostring(root, encoding="unicode")
+    return document.text(root)
 
 
 def _turned(vector: Array, axis: Array, angle: float) -> Array:

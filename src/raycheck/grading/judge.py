@@ -15,35 +15,34 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import builds, checks, lecture, pictures, references
+from raycheck.base import pictures
+from raycheck.base.arrays import Array
+from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
+from raycheck.base.images import Image
+from raycheck.base.seeds import make_seeds
 from raycheck.grading import handed_in, noise, points, speed
 from raycheck.grading.assignment import PICTURES, Assignment, Task
 from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant, with_reference
+from raycheck.grading.jail.pixels import Decoder
+from raycheck.grading.jail.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
-from raycheck.grading.pixels import Decoder
-from raycheck.grading.program import OVER, Program, build, write_scene
-from raycheck.grading.results import (
-    NOT_EXECUTED,
-    SceneResult,
-    StudentResult,
-    TaskResult,
-    failed_everything,
-)
-from raycheck.grading.sandbox import GRADING, Jail, Tier, best_tier
-from raycheck.grading.simulated import Simulated
+from raycheck.grading.program import OVER, Program, Tried, build, write_scene
+from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
-from raycheck.images import Image
-from raycheck.references import Variant
-from raycheck.renderers import RenderError, RenderLate, RenderTimeout
-from raycheck.seeds import make_seeds
-from raycheck.tiles import region_means
-from raycheck.truth import truth_of
-from raycheck.verdict import Limits, Outcome
-from raycheck.verify import BATCHES, PILOT_IMAGES, Case, judge_pictures, verify
+from raycheck.judging import checks
+from raycheck.judging.pictures import judge_pictures
+from raycheck.judging.settings import BATCHES, PILOT_IMAGES
+from raycheck.judging.verdicts import Case
+from raycheck.judging.verify import verify
+from raycheck.renderers import builds
+from raycheck.scene import lecture
+from raycheck.scene.variants import Variant
+from raycheck.stats.tiles import region_means
+from raycheck.stats.verdict import Limits, Outcome
+from raycheck.truth import references
+from raycheck.truth.expected import truth_of
 
-Array = NDArray[np.float64]
 TILES = Limits.tile / Limits.image
 UNREADABLE = "the run command takes neither {scene} nor {json}: it cannot render a scene unknown to it"
 STORED = (
@@ -162,7 +161,7 @@ class Grader:
         return result
 
     def state(self, digest: str) -> str:
-        """Of a submission's digest and of all that it is graded by, wherever that is."""
+        """A digest of a submission and of all that it is graded by, wherever that is."""
         asked = replace(self.assignment, path=Path())
         scenes = [references.require(of) for every in self.scenes.values() for of, _, _ in every]
         programs = builds.raycheck_hash(), builds.oneray_hash() if self.compares else ""
@@ -176,7 +175,7 @@ class Grader:
 
     @property
     def compares(self) -> bool:
-        """With oneray, in noise or speed."""
+        """Whether a task compares with oneray, in noise or speed."""
         return any(task.noise_points or task.measures_speed for task in self.assignment.tasks)
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
@@ -228,7 +227,7 @@ class Grader:
         return found
 
     def judge(
-        self, task: Task, of: Variant, name: str, hidden: bool, program: Program | Simulated, purpose: str
+        self, task: Task, of: Variant, name: str, hidden: bool, program: Tried, purpose: str
     ) -> SceneResult:
         """One scene of a task, by as many looks as it takes; `purpose` decides the seeds."""
         started = time.perf_counter()
@@ -267,15 +266,15 @@ class Grader:
         return found
 
     def _stored(self, made: Sequence[Array], published: Variant, of: Variant) -> bool:
-        """Can these pictures, which should show `of`, be of the scene that it varies?"""
+        """Whether these pictures, which should show `of`, can be of the scene that it varies."""
         if not handed_in.shows_rather(np.mean(made, axis=0), published, of):
             return False
         images, names = [Image(pixels) for pixels in made], [str(number) for number in range(len(made))]
         return judge_pictures(published, images, names, self.finds).verdict is not Outcome.FAIL
 
     def _speed(self, task: Task, program: Program, purpose: str) -> dict[str, Any] | None:
-        """With the samples of a longer look where there is time: the less weighs the program's start. Not
-        at all where even a picture of fewer is late.
+        """How fast it is, with the samples of a longer look where there is time: the less weighs the
+        program's start. Not at all where even a picture of fewer is late.
         """
         spp = task.spp
         longer = program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS)
@@ -288,7 +287,7 @@ class Grader:
                 continue
         return None
 
-    def _many_samples(self, spp: int, of: Variant, program: Program, purpose: str) -> str | None:
+    def _many_samples(self, spp: int, of: Variant, program: Tried, purpose: str) -> str | None:
         """What is wrong with four times the samples: they show the same picture with a quarter of the noise.
         No program knows these seeds.
         """
@@ -338,7 +337,7 @@ class Attempt:
 
 
 def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:
-    """Of the variants that these students hand in pictures of."""
+    """Make references of the variants that these students hand in pictures of."""
     of, pool = assignment.scene(task.scenes[0]), picture_pool(assignment, keys, task)
     for index in sorted({pool_index(of, student, task.variants, keys) for student in students}):
         with_reference(pool[index], assignment.delta)
@@ -352,8 +351,9 @@ def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant
 
 def _scene_result(name: str, hidden: bool, case: Case, looks: int) -> SceneResult:
     figures = (case.bias, case.bias_low, case.bias_high, case.mde_image, case.more_samples)
+    bias, low, high, mde, more = map(_finite, figures)
     reason = case.reason.removesuffix(OPTION)
-    return SceneResult(name, hidden, case.verdict, reason, *map(_finite, figures), case.spp, looks)
+    return SceneResult(name, hidden, case.verdict, reason, bias, low, high, mde, more, case.spp, looks)
 
 
 def _finite(value: float | None) -> float | None:

@@ -47,7 +47,7 @@ def read_keys(assignment: Path, published: str) -> Keys:
 
 
 def digest_of(folder: Path) -> str:
-    """Of all files below a folder, their names and contents."""
+    """A digest of all files below a folder, their names and contents."""
     whole = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         name = os.fsencode(path.relative_to(folder).as_posix())

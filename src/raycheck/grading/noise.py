@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raycheck import builds, references, renderers
-from raycheck.cli_support import replace
-from raycheck.references import Variant
-from raycheck.seeds import make_seeds
-from raycheck.techniques import technique
-
-Array = NDArray[np.float64]
+from raycheck.base.arrays import Array
+from raycheck.base.files import write_whole
+from raycheck.base.seeds import make_seeds
+from raycheck.renderers import builds
+from raycheck.renderers.oneray import oneray_command, oneray_path
+from raycheck.scene import variants
+from raycheck.scene.techniques import technique
+from raycheck.scene.variants import Variant
 
 IMAGES = 32
 GROUPS = 8
@@ -52,17 +52,17 @@ def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, fl
     """log of the mean variance of a pixel and its standard error, with oneray's technique `name`: measured
     once and kept in `folder` by all that it depends on.
     """
-    scene = references.scene_hash(of.path, of.parameters)
+    scene = variants.scene_hash(of.path, of.parameters)
     what = (builds.oneray_hash(), scene, of.label, name, technique(name).options, spp, IMAGES)
     key = hashlib.sha256(repr(what).encode()).hexdigest()
     file = folder / KEPT
     kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
     if key not in kept:
-        command = renderers.oneray_command(renderers.oneray_path(), technique(name).options, of.parameters)
+        command = oneray_command(oneray_path(), technique(name).options, of.parameters)
         seeds = make_seeds(f"noise/{of.label}/{name}", IMAGES)
         images = [command.render(of.path, spp, seed, 600.0).image.pixels for seed in seeds]
         kept[key] = _log_variance(np.stack(images))
-        replace(file, json.dumps(kept, indent=1) + "\n")
+        write_whole(file, json.dumps(kept, indent=1) + "\n")
     return tuple(kept[key])
 
 

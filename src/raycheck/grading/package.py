@@ -11,12 +11,14 @@ import zipfile
 from importlib import metadata
 from pathlib import Path
 
-from raycheck import references
+from raycheck.base import data
+from raycheck.base.data import PACKAGE
+from raycheck.base.errors import NotFound
+from raycheck.base.files import whole
 from raycheck.grading.assignment_bundle import copy_assignment, write_all
 from raycheck.grading.judge import Grader
-from raycheck.grading.oneray_bundle import bundle_oneray
-from raycheck.grading.pages import TEMPLATES
-from raycheck.renderers import NotFound
+from raycheck.grading.written.pages import TEMPLATES
+from raycheck.renderers.bundle import bundle_oneray
 
 SCRIPTS = ("setup.sh", "run_autograder")
 
@@ -33,19 +35,19 @@ def write_package(grader: Grader, path: Path) -> None:
         _copy_raycheck(folder)
         bundle_oneray(folder / "oneray")
         copy_assignment(grader.assignment, folder)
-        partial = path.with_name(f".{path.name}.part")
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        with whole(path) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
             write_all(archive, folder)
-        partial.replace(path)
 
 
 def _copy_raycheck(folder: Path) -> None:
-    """Its modules with scenes and references inside, as a wheel has them, its version, and what it needs."""
+    """Put in raycheck's modules with scenes and references inside, as a wheel has them, its version, and what
+    it needs.
+    """
     package = folder / "packages/raycheck"
     left_out = shutil.ignore_patterns("__pycache__", "scenes", "references")
-    shutil.copytree(Path(references.__file__).parent, package, ignore=left_out)
-    shutil.copytree(references.scenes_dir(), package / "scenes")
-    shutil.copytree(references.references_dir(), package / "references")
+    shutil.copytree(PACKAGE, package, ignore=left_out)
+    shutil.copytree(data.scenes_dir(), package / "scenes")
+    shutil.copytree(data.references_dir(), package / "references")
     whole = metadata.distribution("raycheck")
     information = folder / f"packages/raycheck-{whole.version}.dist-info"
     information.mkdir()

@@ -5,7 +5,7 @@ from typing import Any
 
 from raycheck.grading.assignment import REVIEW, Assignment, Task
 from raycheck.grading.results import SceneResult, TaskResult
-from raycheck.verdict import Outcome
+from raycheck.stats.verdict import Outcome
 
 CALM = (
     "; that is less noise than this technique has: these points wait for a look at the program, whether its "

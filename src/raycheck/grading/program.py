@@ -4,30 +4,22 @@ import shutil
 import tempfile
 import threading
 import time
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from raycheck.base.arrays import Array
+from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
+from raycheck.base.text import last_words
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.pixels import Decoder, take_picture
+from raycheck.grading.jail.sandbox import Jail
+from raycheck.renderers.commands import TakesPlaceholders, split_command
+from raycheck.renderers.renderer import Renderer, Rendering
+from raycheck.scene import document, export
+from raycheck.scene.reader import read_scene
+from raycheck.scene.variants import Variant
 
-from raycheck import scene_export
-from raycheck.grading.assignment import Limits
-from raycheck.grading.pixels import Decoder, take_picture
-from raycheck.grading.sandbox import Jail
-from raycheck.references import Variant
-from raycheck.renderers import (
-    NotFound,
-    RenderError,
-    Rendering,
-    RenderLate,
-    RenderTimeout,
-    TakesPlaceholders,
-    split_command,
-)
-from raycheck.scene_reader import read_scene
-
-Array = NDArray[np.float64]
 OVER = "the time for the whole grading was over"
 
 
@@ -37,17 +29,14 @@ def write_scene(of: Variant, name: str, folder: Path) -> tuple[int, int]:
     `name` is what the scene is called there: a hidden variant has the name of what it varies.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    root = ElementTree.parse(of.path).getroot()
-    for default in root.iter("default"):
-        default.set("value", of.parameters.get(default.get("name", ""), default.get("value", "")))
-    for string in root.iter("string"):
-        if string.get("name") == "filename":
-            mesh = of.path.parent / string.get("value", "")
-            shutil.copyfile(mesh, folder / mesh.name)
-            string.set("value", mesh.name)
-    ElementTree.ElementTree(root).write(folder / "scene.xml", encoding="utf-8")
-    data = {**scene_export.export(of), "scene": name}
-    (folder / "scene.json").write_text(scene_export.to_json(data), encoding="utf-8")
+
+    def beside(mesh: Path) -> str:
+        shutil.copyfile(mesh, folder / mesh.name)
+        return mesh.name
+
+    document.write(of.document().moved(beside), folder / "scene.xml")
+    data = {**export.export(of), "scene": name}
+    (folder / "scene.json").write_text(export.to_json(data), encoding="utf-8")
     camera = read_scene(of.path, of.parameters).camera
     return camera.height, camera.width
 
@@ -75,7 +64,9 @@ class Taken:
         return sum(self.times.values()) + self.lost
 
     def has_time(self, spp: int, more: int, pictures: int) -> bool:
-        """Would so many pictures of `more` samples keep the limits, at the mean pace of those of `spp`?"""
+        """Whether so many pictures of `more` samples would keep the limits, at the mean pace of those of
+        `spp`.
+        """
         each = self.times.get(spp, 0.0) / len(self.pictures.get(spp, [1])) * more / spp
         limits = self.limits
         return each < limits.picture_seconds and self.spent + each * pictures < limits.task_seconds
@@ -91,6 +82,14 @@ class Taken:
         with self.lock:
             self.times[spp] = self.times.get(spp, 0.0) + seconds
             self.pictures.setdefault(spp, []).append(pixels)
+
+
+class Tried(Renderer, Protocol):
+    """A program whose pictures are judged: a submission's, or one that stands for a student's."""
+
+    pictures: dict[int, list[Array]]
+
+    def has_time(self, spp: int, more: int, pictures: int) -> bool: ...
 
 
 @dataclass
@@ -153,7 +152,7 @@ class Program(Taken, TakesPlaceholders):
             "{output}": "/out/image.exr", "{scene}": "/task/scene.xml", "{json}": "/task/scene.json",
             "{name}": self.name, "{task}": self.task, "{spp}": str(spp), "{seed}": str(seed),
         }  # fmt: skip
-        words = [_fill(word, values) for word in self.words]
+        words = self.filled(values)
         with tempfile.TemporaryDirectory(dir=self.scratch, ignore_cleanup_errors=True) as place:
             output, private = Path(place) / "out", Path(place) / "private"
             Path(place).chmod(0o711)
@@ -170,22 +169,11 @@ class Program(Taken, TakesPlaceholders):
                 kind = RenderLate if done.late else RenderError
                 raise kind(f"no picture (seed {seed}): {done.problem}")
             image = take_picture(
-                output, private, limits.output_mb << 20, self.size, self.decoder, _said(done.said)
+                output, private, limits.output_mb << 20, self.size, self.decoder, last_words(done.said)
             )
             spent = time.perf_counter() - started
         self.take(spp, spent, image.pixels)
         return Rendering(image, done.seconds)
-
-
-def _said(text: str) -> str:
-    lines = [line.strip()[:300] for line in text.splitlines() if line.strip()]
-    return "; it said: " + " | ".join(lines[-3:]) if lines else ""
-
-
-def _fill(word: str, values: dict[str, str]) -> str:
-    for placeholder, value in values.items():
-        word = word.replace(placeholder, value)
-    return word
 
 
 def build(jail: Jail, folder: Path, command: str) -> str:

@@ -5,7 +5,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from raycheck.verdict import Outcome
+from raycheck.grading.assignment import Assignment
+from raycheck.stats.verdict import Outcome
 
 NOT_EXECUTED = "not executed"
 """What every page and file says of pictures that were handed in."""
@@ -132,7 +133,7 @@ def _scene(values: dict[str, Any]) -> SceneResult:
     return SceneResult(**{**values, "verdict": Outcome(values["verdict"])})
 
 
-def failed_everything(assignment, student: str, reason: str, sandbox: str) -> StudentResult:
+def failed_everything(assignment: Assignment, student: str, reason: str, sandbox: str) -> StudentResult:
     """Nothing could be run: every task has 0 points and that reason."""
     tasks = [
         TaskResult(

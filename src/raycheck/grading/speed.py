@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from raycheck.grading.oneray_bundle import bundle_oneray
 from raycheck.grading.program import Program
-from raycheck.techniques import technique
+from raycheck.renderers.bundle import bundle_oneray
+from raycheck.scene.techniques import technique
 
 PAIRS = 8
 SURE = 0.99
@@ -35,7 +35,7 @@ class Speed:
 
 
 def compare(program: Program, spp: int, name: str, seeds: Sequence[int]) -> Speed | None:
-    """By one pair of pictures for each seed; None where oneray itself cannot run in this jail.
+    """The speeds by one pair of pictures for each seed; None where oneray cannot run in this jail.
 
     RenderError where the program makes no picture.
     """
@@ -53,7 +53,7 @@ def compare(program: Program, spp: int, name: str, seeds: Sequence[int]) -> Spee
 
 
 def ratio_of(pairs: Sequence[tuple[float, float]], name: str) -> Speed:
-    """Of (own, oneray's) seconds: Student's interval of the mean of log(own / oneray's)."""
+    """The ratio of (own, oneray's) seconds, with Student's interval of the mean of log(own / oneray's)."""
     own, theirs = np.array(pairs).T
     logs = np.log(own / theirs)
     middle = float(logs.mean())

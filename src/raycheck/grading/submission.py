@@ -11,10 +11,11 @@ import stat
 import tarfile
 import tomllib
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import IO
+from typing import IO, Any
 
 MANIFEST = "raycheck.toml"
 PICTURES = "pictures"
@@ -50,7 +51,7 @@ class Submission:
         return not self.has_manifest and (self.folder / PICTURES).is_dir()
 
     def pictures(self, task: str) -> list[Path]:
-        """Those that are handed in for a task, in the order of their names."""
+        """The pictures that are handed in for a task, in the order of their names."""
         folder = self.folder / PICTURES / task
         return sorted(p for p in folder.glob("*") if p.suffix.lower() in (".exr", ".pfm") and p.is_file())
 
@@ -99,7 +100,7 @@ def _tar(folder: Path) -> bytes:
 
 
 def may_have_pictures(path: Path, task: str) -> bool:
-    """By the names of its files; always where only unpacking would tell them."""
+    """Whether it may, by the names of its files; it may where only unpacking would tell them."""
     inside = f"{PICTURES}/{task}/"
     try:
         if path.is_dir():
@@ -168,7 +169,7 @@ def _in_zip(archive: zipfile.ZipFile) -> Iterator[_Entry]:
         if stat.S_ISLNK(mode):
             raise SubmissionError(f"{info.filename} is a link: hand in the file itself")
         if not info.is_dir():
-            with _reading(lambda info=info: archive.open(info), info.filename) as opened:
+            with _reading(partial(archive.open, info), info.filename) as opened:
                 yield _Entry(info.filename, info.file_size, bool(mode & 0o100), opened)
 
 
@@ -177,13 +178,14 @@ def _in_tar(archive: tarfile.TarFile) -> Iterator[_Entry]:
         if not info.isdir() and not info.isfile():
             raise SubmissionError(f"{info.name} is a link or a device: hand in plain files")
         if info.isfile():
-            with _reading(lambda info=info: archive.extractfile(info), info.name) as opened:
+            with _reading(partial(archive.extractfile, info), info.name) as opened:
                 yield _Entry(info.name, info.size, bool(info.mode & 0o100), opened)
 
 
-def _reading(opener, name: str) -> IO[bytes]:
+def _reading(opener: Callable[[], Any], name: str) -> IO[bytes]:
     try:
-        return opener()
+        opened: IO[bytes] = opener()
+        return opened
     except Exception as error:
         raise SubmissionError(f"{name} cannot be unpacked: {error}") from None
 

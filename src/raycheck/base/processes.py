@@ -1,0 +1,82 @@
+"""Processes that this one starts: run one to its end, and end one with all that it started."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import weakref
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from raycheck.base.errors import Lost, RenderError
+
+running: "weakref.WeakSet[subprocess.Popen[Any]]" = weakref.WeakSet()
+"""The processes that threads of this one wait for, to be ended with it."""
+
+
+def tree(root: int) -> Iterator[int]:
+    """A process and all below it, by Linux's /proc."""
+    waiting = [root]
+    while waiting:
+        yield (pid := waiting.pop())
+        with contextlib.suppress(OSError, ValueError):
+            for thread in Path(f"/proc/{pid}/task").iterdir():
+                waiting += map(int, (thread / "children").read_text().split())
+
+
+class Process(Protocol):
+    """What ending a process takes; subprocess.Popen is one."""
+
+    @property
+    def pid(self) -> int: ...
+    def poll(self) -> int | None: ...
+    def kill(self) -> None: ...
+
+
+def end(process: Process) -> None:
+    """End a process with all that it started: its group where it leads one, and by Linux's /proc what is
+    below it in sessions of its own. Nothing is done about one that has ended already.
+    """
+    if process.poll() is not None:
+        return
+    below = list(tree(process.pid))[1:]
+    with contextlib.suppress(OSError):  # it may end just now
+        if os.name == "posix" and os.getpgid(process.pid) == process.pid:
+            os.killpg(process.pid, signal.SIGKILL)
+    for pid in below:
+        with contextlib.suppress(OSError):
+            os.kill(pid, signal.SIGKILL)
+    process.kill()
+
+
+def signal_name(number: int) -> str:
+    """SIGSEGV for 11; the number for one that has no name."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return str(number)
+
+
+def run_process(words: Sequence[str], hide: str = "") -> None:
+    """Run a program. Lost if a signal ends it; if it fails, RenderError with its last line without `hide`."""
+    process = subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        start_new_session=os.name == "posix",
+    )  # fmt: skip
+    running.add(process)
+    try:
+        said = process.communicate()[1].decode(errors="replace").strip()
+    finally:
+        running.discard(process)
+    if process.returncode < 0:
+        raise ended(words[0], process.returncode)
+    if process.returncode:
+        last = said.splitlines()[-1] if said else f"exit status {process.returncode}"
+        raise RenderError(last.replace(hide, "") if hide else last)
+
+
+def ended(name: str, status: int) -> Lost:
+    """Without a result: exit status, or minus the signal."""
+    how = signal_name(-status) if status < 0 else f"exit status {status}"
+    return Lost(f"{name} was ended by {how}")

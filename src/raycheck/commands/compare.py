@@ -1,0 +1,27 @@
+"""raycheck compare: two images with standard errors."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raycheck.commands import options
+from raycheck.commands.support import COLOURS, make_console, plain_errors, writable
+from raycheck.judging.compare import compare as compare_images
+
+
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A.exr")],
+    b: Annotated[Path, typer.Argument(metavar="B.exr")],
+    json_file: options.JsonFile = None,
+) -> None:
+    """Do two images with standard errors show the same mean? Exit status as in verify."""
+    writable(json_file)
+    with plain_errors():
+        result = compare_images(a, b)
+    console = make_console()
+    console.print(f"[{COLOURS[result.verdict]}]{result.verdict}[/]", end=" ")
+    console.print(result.reason, markup=False)
+    if json_file:
+        json_file.write_text(result.to_json(), encoding="utf-8")
+    raise typer.Exit(result.exit_status)

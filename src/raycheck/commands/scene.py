@@ -1,0 +1,36 @@
+"""raycheck scene: what a renderer needs to know of a scene that it cannot read."""
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from raycheck.commands import options
+from raycheck.commands.support import parse_settings, plain_errors
+from raycheck.scene import code, export, variants
+
+
+class Form(StrEnum):
+    TEXT = "text"
+    JSON = "json"
+    CPP = "cpp"
+    RUST = "rust"
+
+
+def scene(
+    name: Annotated[str, typer.Argument(metavar="SCENE", help="A name, a label, or a file.")],
+    settings: options.Settings = None,
+    form: Annotated[Form, typer.Option("--as", help="How to write it.")] = Form.TEXT,
+) -> None:
+    """Print a scene for a renderer without an XML parser: the camera's corner rays, primitives in world
+    space, linear colours, and what the renderer must support. The JSON's schema is scene.schema.json.
+    """
+    with plain_errors():
+        data = export.export(variants.variant(name, parse_settings(settings)))
+    if form is Form.JSON:
+        typer.echo(export.to_json(data), nl=False)
+    elif form is Form.TEXT:
+        typer.echo(code.text(data), nl=False)
+    else:
+        language = code.CPP if form is Form.CPP else code.RUST
+        typer.echo(code.source(data, language), nl=False)

@@ -1,0 +1,51 @@
+"""raycheck stability: how far renderers hold in stiff cases."""
+
+from typing import Annotated
+
+import typer
+
+from raycheck.base.files import write_whole
+from raycheck.base.machine import machine, raycheck_version
+from raycheck.commands import options
+from raycheck.commands.support import (
+    command_line,
+    make_console,
+    make_table,
+    plain_errors,
+    progress_bar,
+    writable,
+)
+from raycheck.measuring.stability import sweeps, tables
+from raycheck.measuring.stability.results import to_json
+
+
+def stability(
+    cases: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names of stiff cases; all by default.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three values of each, oneray alone: half a minute.")
+    ] = False,
+    seed: options.Seed = 0,
+    json_file: options.JsonFile = None,
+) -> None:
+    """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
+    status 1 if oneray misses a goal.
+    """
+    writable(json_file)
+    with progress_bar("sweeping") as on_case, plain_errors():
+        wanted = sweeps.cases_named(cases or ())
+        results = sweeps.run(wanted, quick, seed, on_case)
+    table = make_table(tables.COLUMNS[:4], wrap=False)
+    for name in tables.COLUMNS[4:]:
+        table.add_column(name)
+    for result in results:
+        table.add_row(*tables.row(result), style=None if result.holds() else "red")
+    make_console().print(table)
+    missed = [result.case for result in results if not result.holds()]
+    met = "all that was swept holds" if quick else f"all {len(results)} goals are met"
+    make_console().print(f"goals missed: {', '.join(missed)}" if missed else met)
+    if json_file:
+        header = {"raycheck": raycheck_version(), "machine": machine(), "command": command_line()}
+        write_whole(json_file, to_json(results, header))
+    raise typer.Exit(1 if missed else 0)

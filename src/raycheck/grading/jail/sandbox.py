@@ -1,0 +1,302 @@
+"""The jail: student code is hostile by assumption.
+
+With bubblewrap the program sees /usr, its own folder read-only, the scene, a temporary file system of limited
+size and one folder for its picture; no network, no other process, no capabilities, no way to more name
+spaces, and a filter forbids system calls that no renderer needs. Where name spaces are blocked, as in most
+containers, confine.py does it with Landlock and a longer filter, or as root, where the kernel has no
+Landlock, with another user and the filter alone. As root the user is changed before, so that limits on
+processes hold. Limits of one process are rlimits; those of all together are watched (watch.py) and control
+groups' (cgroups.py) where these can be made. Nothing is read before every process of the jail is dead.
+"""
+
+import contextlib
+import functools
+import math
+import os
+import re
+import shutil
+import stat
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+
+from raycheck.base.errors import NotFound
+from raycheck.grading.jail import cgroups, confine
+from raycheck.grading.jail.cgroups import Group
+from raycheck.grading.jail.confined import Confined
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.watch import Bounds, Finished, Size, watch
+
+FIRST_USER = 61184
+"""User ids that no distribution hands out (systemd leaves 61184–65519 to such uses)."""
+USERS = 4000
+GRADING = os.getpid() * 61 % USERS
+"""Where this grading begins in them, so that two at the same time hardly share any."""
+MOST_OUTPUT_FILES = 1000
+MOST_BUILD_FILES = 50_000
+BUILD_BYTES = 1 << 30
+"""What the folder of a submission may hold after its build."""
+ENVIRONMENT = {"PATH": "/usr/local/bin:/usr/bin:/bin", "LANG": "C.UTF-8"}
+ENTER = """\
+echo 1000 >/proc/self/oom_score_adj
+while [ "$1" != -- ]; do echo 0 >"$1" || exit 125; shift; done
+shift
+exec "$@"
+"""
+"""Become the first to go where memory is short, a member of the control groups, and then the command."""
+OWN_PROCESSES = 3
+"""Of the jail itself."""
+READABLE = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64")
+SETTINGS = ("/etc/alternatives", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d")
+MACHINE = (
+    "/dev/urandom", "/dev/random", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/sys/devices/system/cpu",
+)  # fmt: skip
+SHARED = ("/tmp", "/var/tmp", "/dev/shm")
+"""Where every user may write."""
+
+
+class Tier(StrEnum):
+    """How programs are jailed."""
+
+    BUBBLEWRAP = "bubblewrap"
+    LANDLOCK = "landlock"
+    USER = "user"
+    """Another user and the filter of system calls alone."""
+    NONE = "none"
+
+
+@dataclass(frozen=True)
+class Jail:
+    """The place where a submission's commands run. A `slot` of its own keeps jails that run at the same time
+    apart.
+    """
+
+    tier: Tier
+    limits: Limits
+    slot: int = GRADING
+    ends: float = math.inf
+    """When all must be over, by time.perf_counter."""
+
+    @property
+    def user(self) -> int | None:
+        """Another user's id where this one is root."""
+        return FIRST_USER + self.slot % USERS if os.name == "posix" and os.geteuid() == 0 else None
+
+    def left(self) -> float:
+        """Seconds of the whole grading."""
+        return self.ends - time.perf_counter()
+
+    def within(self, seconds: float) -> "Jail":
+        """The same jail with no more time for a task than that."""
+        shorter = replace(self.limits, task_seconds=min(self.limits.task_seconds, seconds))
+        return replace(self, limits=shorter)
+
+    def describe(self) -> str:
+        if self.tier is Tier.NONE:
+            return "no sandbox: the programs ran with the rights of whoever graded"
+        user = "as another user" if self.user is not None else "with the grader's user id, unprivileged"
+        what = {
+            Tier.BUBBLEWRAP: f"bubblewrap ({user}): no network, own name spaces, read-only /usr",
+            Tier.LANDLOCK: f"Landlock and seccomp ({user}): no network, no files but /usr and its own",
+            Tier.USER: "seccomp alone, as another user: no network, but all files that every user may read",
+        }
+        return f"{what[self.tier]}, {self.limits.memory_mb} MB, {self.limits.processes} processes"
+
+    def run(
+        self, words: Sequence[str], *, seconds: float, folder: Path, writable: bool,
+        readable: Mapping[Path, str] | None = None, output: Path | None = None,
+    ) -> Finished:  # fmt: skip
+        """Run a command in /submission (`folder`), with `readable` seen under other names and /out writable.
+
+        NotFound where the jail itself cannot be made.
+        """
+        command = Command(words, folder, writable, readable or {}, output)
+        limits, seconds = self.limits, max(min(seconds, self.left()), 0.01)
+        bounds = Bounds(seconds, limits.memory_mb, command.sizes(limits))
+        if self.tier is Tier.NONE:
+            return watch(lambda _: _popen(command.outside, cwd=folder), bounds)
+        for place in (folder, output):
+            if place is not None and self.user is not None and (writable or place is output):
+                _give(place, self.user)
+        jailed = self._wrapped if self.tier is Tier.BUBBLEWRAP else self._confined
+        group = Group(cgroups.places(), limits.memory_mb << 20, limits.processes + OWN_PROCESSES)
+        with contextlib.ExitStack() as made:
+            try:
+                made.enter_context(group)
+            except OSError as error:
+                raise NotFound(f"the sandbox {self.tier} cannot be made: control group: {error}") from None
+            return jailed(command, replace(bounds, group=group))
+
+    def _wrapped(self, command: "Command", bounds: Bounds) -> Finished:
+        words = ["/bin/sh", "-c", ENTER, "enter", *bounds.doors, "--"]
+        if self.user is not None:  # by a program: Popen's own way would copy this process's page tables
+            ids = ("--reuid", str(self.user), "--regid", str(self.user), "--clear-groups")
+            words += ["/usr/bin/setpriv", *ids, "--"]
+        words += [*_bubblewrap(self.limits, command), *_prlimit(self.limits, bounds.seconds), *command.words]
+        with os.fdopen(os.memfd_create("filter"), "r+b") as file:
+            file.write(_filter())
+            file.seek(0)
+            given = {"filter": file.fileno()}
+            return watch(lambda info: _popen(words, {**given, "info": info}), bounds, self.tier)
+
+    def _confined(self, command: "Command", bounds: Bounds) -> Finished:
+        with tempfile.TemporaryDirectory(prefix="raycheck-tmp-", ignore_cleanup_errors=True) as place:
+            if self.user is not None:
+                os.chown(place, self.user, self.user)
+            seen = [*READABLE, *SETTINGS, *MACHINE, *self.limits.readable]
+            seen += map(str, (command.folder, *command.readable))
+            own = [place, *(str(size.folder) for size in bounds.sizes)]
+            rules = confine.Rules(
+                self.user, self.tier is Tier.LANDLOCK, seen, own, command.writable,
+                _rlimits(self.limits, bounds.seconds), self.limits.processes,
+                {**ENVIRONMENT, "HOME": place, "TMPDIR": place}, str(command.folder), bounds.doors,
+            )  # fmt: skip
+            temporary = Size(Path(place), self.limits.output_mb << 20, MOST_OUTPUT_FILES)
+            bounds = replace(bounds, sizes=[*bounds.sizes, temporary])
+            done = watch(lambda info: Confined(rules, command.outside, info), bounds, self.tier)
+        if self.tier is Tier.USER:
+            _remove_shared(self.user)
+        return done
+
+
+@dataclass(frozen=True)
+class Command:
+    """What is run, and what it sees of the files outside."""
+
+    words: Sequence[str]
+    folder: Path
+    """The submission's."""
+    writable: bool
+    """Is it?"""
+    readable: Mapping[Path, str]
+    """Other files by the names that they have inside."""
+    output: Path | None
+    """/out."""
+
+    @property
+    def outside(self) -> list[str]:
+        """The words for a jail without a mount name space to hold its folders."""
+        places = {"/submission": str(self.folder), "/out": str(self.output or self.folder)}
+        places |= {inside: str(outside) for outside, inside in self.readable.items()}
+        names = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, places))})(?=/|$)")
+        return [names.sub(lambda found: places[found[0]], word) for word in self.words]
+
+    def sizes(self, limits: Limits) -> list[Size]:
+        """How large the folders may become that it may write to."""
+        sizes = [Size(self.output, limits.output_mb << 20, MOST_OUTPUT_FILES)] if self.output else []
+        return [*sizes, Size(self.folder, BUILD_BYTES, MOST_BUILD_FILES)] if self.writable else sizes
+
+
+def _remove_shared(user: int | None) -> None:
+    """What a user left where all may write: nothing stays for the next picture."""
+    waiting = list(map(Path, SHARED))
+    while waiting:
+        with contextlib.suppress(OSError):
+            for path in waiting.pop().iterdir():
+                found = path.lstat()
+                folder = stat.S_ISDIR(found.st_mode)
+                if found.st_uid == user:
+                    shutil.rmtree(path, ignore_errors=True) if folder else path.unlink()
+                elif folder and found.st_mode & stat.S_IWOTH:
+                    waiting.append(path)
+
+
+def _give(place: Path, user: int) -> None:
+    for path in (place, *place.rglob("*")):
+        os.chown(path, user, user, follow_symlinks=False)
+
+
+def _bubblewrap(limits: Limits, command: Command) -> list[str]:
+    words = ["bwrap", "--unshare-all", "--unshare-user", "--disable-userns", "--cap-drop", "ALL"]
+    words += ["--new-session", "--die-with-parent", "--clearenv", "--hostname", "jail"]
+    for name, value in {**ENVIRONMENT, "HOME": "/tmp"}.items():
+        words += ["--setenv", name, value]
+    words += ["--ro-bind", "/usr", "/usr"]
+    for name in READABLE[1:]:
+        if Path(name).is_symlink():
+            words += ["--symlink", str(Path(name).readlink()), name]
+        elif Path(name).is_dir():
+            words += ["--ro-bind", name, name]
+    for name in SETTINGS:
+        words += ["--ro-bind-try", name, name]
+    for place in limits.readable:
+        words += ["--ro-bind", place, place]
+    words += ["--proc", "/proc", "--dev", "/dev", "--size", str(limits.output_mb << 20), "--tmpfs", "/tmp"]
+    words += ["--size", str(limits.output_mb << 20), "--tmpfs", "/dev/shm"]
+    words += ["--bind" if command.writable else "--ro-bind", str(command.folder), "/submission"]
+    for outside, inside in command.readable.items():
+        words += ["--ro-bind", str(outside), inside]
+    if command.output is not None:
+        words += ["--bind", str(command.output), "/out"]
+    words += ["--remount-ro", "/", "--chdir", "/submission"]
+    return [*words, "--seccomp", "{filter}", "--info-fd", "{info}", "--"]
+
+
+@functools.lru_cache(maxsize=1)
+def _filter() -> bytes:
+    """The filter of system calls; NotFound where the library that makes it is missing."""
+    try:
+        return confine.Filter().program()
+    except OSError as error:
+        raise NotFound(f"no filter of system calls (Debian's package libseccomp2): {error}") from None
+
+
+def _rlimits(limits: Limits, seconds: float) -> dict[str, int]:
+    """The limits of each process."""
+    return {
+        "RLIMIT_AS": limits.memory_mb << 20, "RLIMIT_FSIZE": limits.output_mb << 20,
+        "RLIMIT_CPU": int(seconds * max(4, os.cpu_count() or 1)) + 2, "RLIMIT_CORE": 0, "RLIMIT_NOFILE": 256,
+    }  # fmt: skip
+
+
+def _prlimit(limits: Limits, seconds: float) -> list[str]:
+    each = {**_rlimits(limits, seconds), "RLIMIT_NPROC": limits.processes}
+    options = [f"--{name.removeprefix('RLIMIT_').lower()}={value}" for name, value in each.items()]
+    return ["/usr/bin/prlimit", *options, "--"]
+
+
+def _popen(
+    words: Sequence[str], given: Mapping[str, int] | None = None, *, cwd: Path | None = None
+) -> subprocess.Popen[bytes]:
+    """A command with the descriptors `given`, which "{name}" stands for; NotFound where there is no such
+    program.
+    """
+    numbers = {f"{{{name}}}": str(descriptor) for name, descriptor in (given or {}).items()}
+    try:
+        return subprocess.Popen(
+            [numbers.get(word, word) for word in words], cwd=cwd, start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            pass_fds=list((given or {}).values()),
+        )  # fmt: skip
+    except OSError as error:
+        raise NotFound(f"{words[0]}: {error.strerror}") from None
+
+
+def why_not(tier: Tier) -> str:
+    """Empty where it works."""
+    if tier is Tier.BUBBLEWRAP and shutil.which("bwrap") is None:
+        return "bubblewrap is not installed (Debian's package bubblewrap)"
+    if tier is Tier.LANDLOCK and not confine.landlock_abi():
+        return "the kernel has no Landlock, or the container forbids it"
+    if tier is Tier.USER and os.geteuid() != 0:
+        return "only root may become another user"
+    try:
+        done = Jail(tier, Limits()).run(["/usr/bin/true"], seconds=10, folder=Path("/usr"), writable=False)
+    except NotFound as error:
+        return str(error)
+    return done.problem
+
+
+def best_tier() -> Tier:
+    """The strongest that works here; NotFound with what each lacks where none does."""
+    problems = {}
+    for tier in (Tier.BUBBLEWRAP, Tier.LANDLOCK, Tier.USER):
+        problems[tier] = why_not(tier)
+        if not problems[tier]:
+            return tier
+    lacks = "; ".join(f"{tier}: {problem}" for tier, problem in problems.items())
+    raise NotFound(f"there is no sandbox: {lacks}; --no-sandbox runs submissions with your own rights")

@@ -1,0 +1,101 @@
+"""The student's page and the class's: one offline file each; whatever students control is escaped."""
+
+import re
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import jinja2
+from markupsafe import Markup
+
+from raycheck.base.data import PACKAGE
+from raycheck.base.machine import raycheck_version
+from raycheck.base.text import duration, percent
+from raycheck.grading.assignment import Assignment
+from raycheck.grading.results import NOT_EXECUTED, StudentResult
+from raycheck.stats.verdict import Outcome
+
+TEMPLATES = PACKAGE / "templates"
+
+
+def number(points: float) -> str:
+    """Points with at most two digits behind the point."""
+    return f"{points:.2f}".rstrip("0").rstrip(".")
+
+
+def sentence(text: str) -> str:
+    text = text.strip()
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
+
+
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.globals.update(
+        number=number, sentence=sentence, percent=percent, duration=duration,
+        version=raycheck_version(), not_executed=NOT_EXECUTED,
+        css=Markup((TEMPLATES / "grading.css").read_text(encoding="utf-8")),
+    )  # fmt: skip
+    return environment
+
+
+def student_page(assignment: Assignment, result: StudentResult, everything: bool = False) -> str:
+    """What the student reads, or with everything, also of hidden scenes, what the teacher does."""
+    template = _environment().get_template("student.html")
+    return template.render(assignment=assignment, result=result, everything=everything)
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Students who probably share a mistake."""
+
+    what: str
+    students: list[str]
+
+
+def course_page(assignment: Assignment, results: Sequence[StudentResult], pages: Mapping[str, str]) -> str:
+    """`pages` are addresses of the students' pages, relative to this one."""
+    solved = [sum(r.tasks[i].verdict is Outcome.PASS for r in results) for i in range(len(assignment.tasks))]
+    return _environment().get_template("course.html").render(
+        assignment=assignment, results=results, pages=pages, solved=solved, clusters=clusters(results),
+        borderline=list(borderline(results)), review=sum(r.review for r in results),
+        median=statistics.median(r.total for r in results) if results else 0.0,
+        sandbox=results[0].sandbox if results else "", again=any(r.earlier for r in results),
+    )  # fmt: skip
+
+
+def clusters(results: Sequence[StudentResult]) -> list[Cluster]:
+    """Failures by what they look like, the most frequent first."""
+    found: dict[str, list[str]] = {}
+    for result in results:
+        kinds = {_kind(result.problem)} if result.problem else {
+            f"{task.id}: {_kind(next(s.reason for s in task.scenes if s.verdict is Outcome.FAIL))}"
+            for task in result.tasks
+            if task.verdict is Outcome.FAIL and task.scenes
+        }  # fmt: skip
+        for kind in sorted(kinds):
+            found.setdefault(kind, []).append(result.student)
+    rows = [Cluster(what, students) for what, students in found.items()]
+    return sorted(rows, key=lambda one: (-len(one.students), one.what))
+
+
+def _kind(reason: str) -> str:
+    """A reason without its figures and details: two that differ in them alone are one kind."""
+    named = re.search(r"it looks like this mistake: “(.+?)”", reason)
+    if named:
+        return named.group(1)
+    general = re.sub(r" \(seed \d+\)", "", reason).split("; ")[0]
+    return re.sub(r"\d[\d.,…±−–%×^ ]*[\d%]|\d", "…", general)[:160]
+
+
+def borderline(results: Sequence[StudentResult]) -> Iterator[tuple[str, str, str]]:
+    """(student, task, why) of verdicts that are open, or that a second look turned."""
+    for result in results:
+        for task in result.tasks:
+            for scene in task.scenes:
+                if scene.verdict is Outcome.INCONCLUSIVE:
+                    yield result.student, task.id, scene.reason
+                elif scene.borderline:
+                    yield result.student, task.id, "the first look failed, a second with fresh seeds did not"

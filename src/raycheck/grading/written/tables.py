@@ -1,0 +1,144 @@
+"""grades.csv for the LMS, JUnit XML for CI, and the teacher's overrides."""
+
+import csv
+import io
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
+
+from raycheck.base.errors import NotFound
+from raycheck.grading.assignment import Assignment
+from raycheck.grading.results import NOT_EXECUTED, StudentResult, TaskResult
+from raycheck.grading.written.pages import number, sentence
+from raycheck.stats.verdict import Outcome
+
+
+@dataclass(frozen=True)
+class Override:
+    points: float
+    comment: str
+
+
+def read_overrides(
+    path: Path, assignment: Assignment, students: Collection[str]
+) -> dict[tuple[str, str], Override]:
+    """student,task,points,comment: by student and task; NotFound names the line that is wrong. `students`
+    are those who handed in something.
+    """
+    known = {task.id: task for task in assignment.tasks}
+    found = {}
+    for line, row in _rows(path, ("student", "task", "points")):
+        try:
+            points = float(row["points"])
+            if not math.isfinite(points):
+                raise ValueError
+        except ValueError:
+            raise NotFound(f"{path}:{line}: {row['points']!r} is no number of points") from None
+        if row["task"] not in known:
+            raise NotFound(f"{path}:{line}: no task {row['task']!r}; there are {', '.join(known)}")
+        if row["student"] not in students:
+            raise NotFound(f"{path}:{line}: there is no submission of a student {row['student']!r}")
+        found[row["student"], row["task"]] = Override(points, row.get("comment") or "")
+    return found
+
+
+def read_roster(path: Path) -> list[str]:
+    """The column `student`, in order."""
+    return [row["student"] for _, row in _rows(path, ("student",))]
+
+
+def _rows(path: Path, needed: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise NotFound(f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8'}") from None
+    reader = csv.DictReader(io.StringIO(text))
+    missing = [name for name in needed if name not in (reader.fieldnames or ())]
+    if missing:
+        raise NotFound(f"{path}:1: there is no column {missing[0]!r}")
+    for row in reader:
+        yield reader.line_num, {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
+
+
+def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], Override]) -> None:
+    """The teacher's points in place of the grader's."""
+    for task in result.tasks:
+        override = overrides.get((result.student, task.id))
+        if override:
+            task.points, task.pending = override.points, 0.0
+            said = f"points set by hand{': ' + override.comment if override.comment else ''}"
+            task.comment = "; ".join(filter(None, (said, task.comment)))
+
+
+def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster: Sequence[str]) -> str:
+    """The table in roster order, then whoever is not on it; who handed in nothing has empty cells."""
+    by_name = {result.student: result for result in results}
+    order = [*roster, *sorted(set(by_name) - set(roster))]
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(
+        ["student", *(t.id for t in assignment.tasks), "total", "open", "verdict", "review", "comment"]
+    )
+    for student in order:
+        result = by_name.get(student)
+        if result is None:
+            cells = ["" for _ in assignment.tasks]
+            writer.writerow([_plain(student), *cells, "", "", "", "", "nothing handed in"])
+            continue
+        points = [number(task.points) for task in result.tasks]
+        verdict = " ".join(f"{task.id}:{task.verdict.value}{_mark(task)}" for task in result.tasks)
+        review = "yes" if result.review else ""
+        row = [number(result.total), number(result.pending), verdict, review, _plain(_comment(result))]
+        writer.writerow([_plain(student), *points, *row])
+    return file.getvalue()
+
+
+def _plain(text: str) -> str:
+    """No spreadsheet may take a cell for a formula."""
+    return "'" + text if text[:1] in "=+-@\t\r" and text else text
+
+
+def _comment(result: StudentResult) -> str:
+    if result.problem:
+        return result.problem
+    failed = [f"{task.id}: {_why(task)}" for task in result.tasks if task.verdict is not Outcome.PASS]
+    return " / ".join(failed)
+
+
+def _mark(task: TaskResult) -> str:
+    return "" if task.executed else f" ({NOT_EXECUTED})"
+
+
+def _why(task: TaskResult) -> str:
+    reasons = [s.told for s in task.scenes if s.verdict is task.verdict]
+    return reasons[0] if reasons else task.comment
+
+
+def junit_xml(results: Sequence[StudentResult]) -> str:
+    """A suite for each student, a test case for each scene of a task, with names of their own."""
+    xml = JUnitXml()
+    for result in results:
+        suite = TestSuite(result.student)
+        for task in result.tasks:
+            if not task.scenes:
+                case = TestCase(task.id, classname=result.student, time=0.0)
+                case.result = [Failure(_clean(task.comment), "submission")]
+                suite.add_testcase(case)
+            for index, scene in enumerate(task.scenes):
+                name = f"{task.id} / {scene.scene}{f' / hidden {index}' if scene.hidden else ''}{_mark(task)}"
+                case = TestCase(name, classname=result.student, time=scene.seconds)
+                if scene.verdict is Outcome.FAIL:
+                    case.result = [Failure(_clean(sentence(scene.told)), "verdict")]
+                elif scene.verdict is Outcome.INCONCLUSIVE:
+                    case.result = [Skipped(_clean(sentence(scene.told)), "inconclusive")]
+                suite.add_testcase(case)
+        xml.add_testsuite(suite)
+    return str(xml.tostring().decode("utf-8"))
+
+
+def _clean(text: str) -> str:
+    """Without the characters that XML cannot hold."""
+    return "".join(c if c in "\t\n" or " " <= c < "\ud800" or "\ue000" <= c < "\ufffe" else "�" for c in text)

@@ -1,0 +1,176 @@
+"""What a run of verify judges: cases of a scene and a technique, and which were left out and why."""
+
+import re
+import subprocess
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from raycheck.base.errors import NotFound
+from raycheck.renderers import commands
+from raycheck.renderers.callables import Function
+from raycheck.renderers.oneray import oneray_command, oneray_path
+from raycheck.renderers.renderer import Renderer
+from raycheck.scene import document
+from raycheck.scene.content import SceneContent, read_content
+from raycheck.scene.techniques import BEST, Technique, applicable, technique
+from raycheck.scene.variants import Variant, ladder
+from raycheck.truth import references
+
+COVER = 2
+"""A quick run over all scenes judges each technique on so many of them, and each scene at least once."""
+PROBE_SPP = 16
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case to be judged."""
+
+    of: Variant
+    technique: str
+    renderer: Renderer
+    path: Path
+    """The scene file that the renderer gets."""
+
+    @property
+    def label(self) -> str:
+        return self.of.label
+
+    @property
+    def content(self) -> SceneContent:
+        return read_content(self.of.path, self.of.parameters)
+
+    @property
+    def unbounded(self) -> bool:
+        """Marked in the scene as having samples without bound; another renderer's may be of any kind."""
+        marked = self.content.unbounded
+        return self.technique in marked or (self.technique == "renderer" and bool(marked))
+
+    @property
+    def independent(self) -> bool:
+        """The samples of a pixel are independent of each other; another renderer's are taken to be."""
+        return self.technique == "renderer" or technique(self.technique).independent
+
+
+@dataclass
+class Agenda:
+    """The cases of a run."""
+
+    tasks: list[Task] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+    """From "scene, technique" to why it is not judged where it would apply."""
+
+
+def oneray_agenda(
+    scenes: Sequence[Variant], techniques: Sequence[str], *, cover: bool = False, variants: bool = False
+) -> Agenda:
+    """oneray with every technique that applies, or with those named.
+
+    `cover` picks a few cases that take every technique and every scene in. `variants` adds the scenes' other
+    depths, with oneray's default technique.
+    """
+    oneray = oneray_path()
+    try:
+        chosen = [technique(name) for name in techniques]
+    except KeyError as error:
+        raise NotFound(error.args[0]) from None
+    agenda = Agenda()
+    pairs = []
+    found = False
+    for of in scenes:
+        for one in applicable(read_content(of.path, of.parameters)):
+            if chosen and one not in chosen:
+                continue
+            found = True
+            refusal = _refusal(oneray, one, of) if "L17" in one.lecture else None
+            if refusal:
+                agenda.left_out[f"{of.label}, {one.name}"] = refusal
+            else:
+                pairs.append((of, one))
+    if not found:
+        raise NotFound(f"{', '.join(techniques)} applies to none of {_names(scenes)}")
+    if not pairs:
+        raise NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
+    if cover:
+        pairs = _cover(pairs)
+    if variants:
+        for of in (of for of in ladder() if of.parameters):
+            if references.is_fresh(of):
+                pairs.append((of, standard_technique(of)))
+            else:
+                agenda.left_out[of.label] = f"there is no fresh reference; make it with: {of.renew_command}"
+    for of, one in pairs:
+        command = oneray_command(oneray, one.options, of.parameters)
+        agenda.tasks.append(Task(of, one.name, command, of.path))
+    return agenda
+
+
+def renderer_agenda(
+    renderer: str | Callable[[Path, int, int], ArrayLike] | Renderer,
+    scenes: Sequence[Variant], folder: Path, *, explicit: bool,
+) -> Agenda:  # fmt: skip
+    """Another renderer on each scene. A scene with other parameters is written into `folder` as a file whose
+    defaults they are. `explicit`: the user named the scenes.
+    """
+    chosen: Renderer
+    if isinstance(renderer, str):
+        chosen = commands.Command.parse(renderer)
+    else:
+        chosen = renderer if isinstance(renderer, Renderer) else Function(renderer)
+    if not chosen.takes_scene and (len(scenes) != 1 or not explicit):
+        raise NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
+    paths = [write_variant(of, folder) if of.parameters else of.path for of in scenes]
+    tasks = [Task(of, "renderer", chosen, path) for of, path in zip(scenes, paths, strict=True)]
+    return Agenda(tasks)
+
+
+def write_variant(of: Variant, folder: Path) -> Path:
+    """The scene as a file of its own: parameters as defaults, paths of mesh files absolute."""
+    path = folder / f"{re.sub(r'[^-@=,.+A-Za-z0-9_]', '_', of.label)}.xml"
+    document.write(of.document().moved(lambda mesh: str(mesh.resolve())), path)
+    return path
+
+
+def _names(scenes: Sequence[Variant]) -> str:
+    return ", ".join(of.label for of in scenes)
+
+
+def standard_technique(of: Variant) -> Technique:
+    """oneray's default technique for the scene, by the name that says all that it does there."""
+    possible = {one.name: one for one in applicable(read_content(of.path, of.parameters))}
+    return next(possible[name] for name in (BEST, "mis-power", "nee") if name in possible)
+
+
+def _cover(pairs: list[tuple[Variant, Technique]]) -> list[tuple[Variant, Technique]]:
+    """Each technique on `COVER` scenes, those with the fewest cases so far, and each scene at least once."""
+    by_technique: dict[str, list[Variant]] = {}
+    for of, one in pairs:
+        by_technique.setdefault(one.name, []).append(of)
+    taken: set[tuple[str, str]] = set()
+    load: Counter[str] = Counter()
+    for name, scenes in sorted(by_technique.items(), key=lambda item: len(item[1])):
+        for of in sorted(scenes, key=lambda of: (load[of.label], of.label))[:COVER]:
+            taken.add((of.label, name))
+            load[of.label] += 1
+    for of, one in pairs:
+        if not load[of.label]:
+            taken.add((of.label, one.name))
+            load[of.label] += 1
+    return [(of, one) for of, one in pairs if (of.label, one.name) in taken]
+
+
+def _refusal(oneray: Path, one: Technique, of: Variant) -> str | None:
+    """Why light tracing cannot render the scene, in oneray's words; None if it can."""
+    if not read_content(of.path, of.parameters).specular:
+        return None
+    command = oneray_command(oneray, one.options, of.parameters)
+    with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
+        words = command.arguments(of.path, Path(folder) / "out.exr", PROBE_SPP, 1)
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode == 2 and "mirror or glass" in done.stderr:
+        return done.stderr.strip().splitlines()[-1].removeprefix(f"oneray: {of.path}: ")
+    return None

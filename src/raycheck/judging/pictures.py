@@ -1,0 +1,157 @@
+"""Pictures that are already rendered, even a single one."""
+
+import glob
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck.base.arrays import Array
+from raycheck.base.errors import ImageError, NotFound
+from raycheck.base.images import Image, load_image
+from raycheck.base.text import signed
+from raycheck.judging import checks
+from raycheck.judging.checks import Broken, check_contract
+from raycheck.judging.evidence import evidence
+from raycheck.judging.plan import cumulants, equivalent_spp, residual_skewness, tile_skewness
+from raycheck.judging.settings import BATCHES
+from raycheck.judging.telling import case_maker, figures, known_as, told
+from raycheck.judging.verdicts import Case
+from raycheck.scene import variants
+from raycheck.scene.content import read_content
+from raycheck.stats.tiles import Tile, region_means
+from raycheck.stats.verdict import Judgement, Limits, Outcome, judge
+from raycheck.truth import references
+from raycheck.truth.expected import Truth, truth_of
+
+
+def image_paths(images: str | Sequence[str | Path]) -> list[Path]:
+    if isinstance(images, str):
+        paths = [Path(p) for p in sorted(glob.glob(images))]  # noqa: PTH207 (absolute patterns too)
+        if not paths:
+            raise NotFound(f"--images {images!r}: no file matches")
+        return paths
+    return [Path(p) for p in images]
+
+
+def judge_files(of: variants.Variant, files: list[Path], limits: Limits) -> Case:
+    loaded: list[Image] = []
+    for file in files:
+        try:
+            loaded.append(load_image(file))
+        except ImageError as error:
+            return Case(of.label, "images", Outcome.FAIL, str(error), images=len(files))
+    return judge_pictures(of, loaded, [str(file) for file in files], limits)
+
+
+def judge_pictures(
+    of: variants.Variant, loaded: Sequence[Image], names: Sequence[str], limits: Limits
+) -> Case:
+    """Judge pictures that were already rendered, even a single one; their names are for messages."""
+    truth = truth_of(references.load_reference(of))
+    case = case_maker(of.label, "images", truth, images=len(loaded))
+    try:
+        for image, name in zip(loaded, names, strict=True):
+            check_contract(image, truth, name)
+    except Broken as error:
+        return case(Outcome.FAIL, str(error))
+    problem = checks.seed_problem([checks.digest(i) for i in loaded], names, truth.varies)
+    if problem:
+        return case(Outcome.FAIL, problem)
+    images = np.stack([image.pixels for image in loaded])
+    coarse = next((image for image in loaded if image.precision != "float"), loaded[0])
+    lights = read_content(of.path, of.parameters).lights
+    residuals = images - truth.mean
+    if coarse.precision == "8-bit":  # what is brighter than white cannot be compared
+        residuals = np.where(images > 0.99, images - np.clip(truth.mean, 0, 1), residuals)
+    mistake = checks.name_mistake(images, truth.mean, truth.variance, lights, gross=True)
+    if mistake:
+        return case(Outcome.FAIL, mistake)
+    quantum = coarse.quantum if coarse.precision != "float" else None
+    found, regions, classes = judge_few(residuals, truth, limits, quantum)
+    if found.outcome is Outcome.FAIL:
+        mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
+    elif found.outcome is Outcome.INCONCLUSIVE:
+        return case(found.outcome, _few(found, len(loaded)), **figures(found, regions))
+    shown = partial(evidence, known_as(of), images, truth)
+    found, sentence = told(found, regions, 0.0, mistake, coarse, shown)
+    if classes > 1:
+        sentence += (
+            f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"
+        )
+    return case(found.outcome, sentence, **figures(found, regions))
+
+
+def judge_few(
+    residuals: Array, truth: Truth, limits: Limits = Limits(), quantum: Array | None = None,
+    independent_pixels: bool = True,
+) -> tuple[Judgement, list[Tile], int]:  # fmt: skip
+    """Judge the residuals (k, H, W, 3) of few images, with its regions and the classes of pixels that make
+    them many batches; one where the noise of different pixels is not independent, which needs k ≥ 6.
+    """
+    parts = _interleave(residuals) if independent_pixels else _Interleaved(residuals, 1)
+    if len(residuals) > 2:
+        variance, third = cumulants(residuals)
+        skewness = tile_skewness(variance, third, truth.skewness)
+    else:
+        variance = np.broadcast_to(residuals.var(axis=(0, 1, 2)), truth.mean.shape)
+        skewness = residual_skewness(residuals, truth.skewness)
+    equivalent = equivalent_spp(truth.sample_variance, variance)
+    regions = parts.usable(truth.regions(1 / parts.classes, skewness))
+    batches = parts.region_means(regions)
+    expected = truth.expected(regions, equivalent / parts.classes, quantum)
+    return judge(batches[0::2], batches[1::2], expected, limits), regions, parts.classes
+
+
+def _few(found: Judgement, count: int) -> str:
+    more = max(int(np.ceil(count * (found.more_samples - 1))), 1)
+    wide = found.undecided[0] if found.undecided else None
+    width = f"a tile is only known to {signed(wide.low)} … {signed(wide.high)}; " if wide else ""
+    many = f"{more} more images" if more < 10_000 else "far more samples per pixel"
+    images = f"{count} image{'s' if count > 1 else ''}"
+    return f"too noisy to say from {images}: {width}{many} like these would decide"
+
+
+@dataclass(frozen=True)
+class _Interleaved:
+    """Few images as many batches: pixels are dealt to classes that each cover every tile evenly.
+
+    It takes the noise of different pixels as independent.
+    """
+
+    pixels: Array
+    """(k, H, W, 3) residuals"""
+    classes: int
+
+    def _member(self) -> NDArray[np.int64]:
+        """(H, W) class of each pixel."""
+        order = np.random.default_rng(0).permutation(64).reshape(8, 8) % self.classes
+        height, width = self.pixels.shape[1:3]
+        return np.tile(order, (-(-height // 8), -(-width // 8)))[:height, :width]
+
+    def usable(self, regions: list[Tile]) -> list[Tile]:
+        member = self._member()
+        return [r for r in regions if len(np.unique(member[r.window])) == self.classes]
+
+    def region_means(self, regions: list[Tile]) -> Array:
+        """(k × classes, R, 3)"""
+        if self.classes == 1:
+            return region_means(self.pixels, regions)
+        member = self._member()
+        result = np.empty((self.classes, len(self.pixels), len(regions), 3))
+        for index, region in enumerate(regions):
+            window = self.pixels[:, region.window[0], region.window[1]]
+            for one in range(self.classes):
+                result[one, :, index] = window[:, member[region.window] == one].mean(axis=1)
+        return result.reshape(-1, len(regions), 3)
+
+
+def _interleave(residuals: Array) -> _Interleaved:
+    """The residuals as at least 2 × BATCHES batches."""
+    classes = 1
+    while classes * len(residuals) < 2 * BATCHES:
+        classes *= 2
+    return _Interleaved(residuals, classes)

@@ -1,0 +1,182 @@
+"""A first small set of images: how noisy and how slow a renderer is, and so how many samples a verdict needs.
+
+Pilot images plan; they are never judged.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from raycheck.base.arrays import Array
+from raycheck.stats import statistics as st
+from raycheck.stats.tiles import SMALLEST, region_variances
+from raycheck.stats.verdict import ALPHA, CONFIDENCE, SHARE_IMAGE, SHARE_TILES, SYSTEMATIC, Limits
+from raycheck.truth.expected import Truth
+
+
+@dataclass(frozen=True)
+class Goals:
+    """The detectable bias to reach, relative; None: only what a PASS needs."""
+
+    image: float | None = None
+    tile_p90: float | None = None
+    fineness: float = 0.5
+    """Share of the finest tiles that must not have been merged for their skewness."""
+    coarsest: int = SMALLEST
+    """Side in pixels to which the finest tiles may grow where smaller ones would take too long."""
+
+
+@dataclass(frozen=True)
+class Pilot:
+    sample_variance: Array
+    """(H, W, 3) variance of one sample per pixel of this renderer."""
+    skewness: Mapping[int, Array]
+    """Skewness of its one-sample tile means, combined with the reference's: the larger of the two."""
+    noise: float
+    """Its variance over that of the reference's renderer at equal samples, over the whole image."""
+    start_seconds: float
+    """Seconds that a render takes with no samples at all."""
+    sample_seconds: float
+    """Seconds for each further sample per pixel."""
+
+    def seconds(self, spp: int) -> float:
+        return self.start_seconds + self.sample_seconds * spp
+
+
+def measure(images: Array, spp: int | None, truth: Truth, times: Mapping[int, float]) -> Pilot:
+    """The pilot of images (B ≥ 3, H, W, 3) at `spp` samples, and seconds by samples per pixel.
+
+    Where `spp` is not known, an image counts as one sample.
+    """
+    variance, third = cumulants(images)
+    skewness = tile_skewness(variance, third, truth.skewness)
+    if spp is not None:
+        skewness = {
+            size: np.fmax(np.abs(table), np.abs(skewness[size]) * np.sqrt(spp))
+            for size, table in truth.skewness.items()
+        }
+    start, each = pace(times)
+    return Pilot(
+        sample_variance=variance * (spp or 1),
+        skewness=skewness,
+        noise=(spp or 1) / equivalent_spp(truth.sample_variance, variance),
+        start_seconds=start,
+        sample_seconds=each,
+    )
+
+
+def pace(times: Mapping[int, float]) -> tuple[float, float]:
+    """Seconds to start and seconds for each sample, from the seconds of renders by samples per pixel."""
+    few, many = min(times), max(times)
+    each = 0.0
+    if many > few:
+        each = max((times[many] - times[few]) / (many - few), 0.02 * times[many] / many)
+    return max(times[few] - each * few, 0.0), each
+
+
+def cumulants(images: Array) -> tuple[Array, Array]:
+    """Unbiased variance and third cumulant of each pixel, from images (B ≥ 3, H, W, 3)."""
+    count = len(images)
+    centred = images - images.mean(axis=0)
+    variance = (centred**2).sum(axis=0) / (count - 1)
+    return variance, (centred**3).sum(axis=0) * count / ((count - 1) * (count - 2))
+
+
+def tile_skewness(variance: Array, third: Array, like: Mapping[int, Array]) -> dict[int, Array]:
+    """Skewness of tile means from cumulants of pixels, which add up where pixels are independent."""
+    result = {}
+    for size, table in like.items():
+        result[size] = np.full(table.shape, np.nan)
+        for row, column in np.ndindex(*table.shape[:2]):
+            window = slice(row * size, (row + 1) * size), slice(column * size, (column + 1) * size)
+            v, t = variance[window].sum(axis=(0, 1)), third[window].sum(axis=(0, 1))
+            result[size][row, column] = np.where(v > 0, t / np.where(v > 0, v, 1.0) ** 1.5, np.nan)
+    return result
+
+
+def residual_skewness(residuals: Array, like: Mapping[int, Array]) -> dict[int, Array]:
+    """Skewness of tile means of one image from how residuals (k, H, W, 3) scatter within a tile.
+
+    For images too few to measure each pixel. Two standard errors are taken off, since chance alone skews so
+    few numbers.
+    """
+    result = {}
+    for size, table in like.items():
+        result[size] = np.full(table.shape, np.nan)
+        for row, column in np.ndindex(*table.shape[:2]):
+            window = residuals[:, row * size : (row + 1) * size, column * size : (column + 1) * size]
+            count = window[..., 0].size
+            centred = window - window.mean(axis=(0, 1, 2))
+            spread = np.sqrt((centred**2).mean(axis=(0, 1, 2)))
+            skewness = np.abs((centred**3).mean(axis=(0, 1, 2))) / np.where(spread > 0, spread, 1.0) ** 3
+            sure = np.maximum(skewness - 2 * np.sqrt(6 / count), 0.0)
+            result[size][row, column] = sure / np.sqrt(count / len(residuals))
+    return result
+
+
+def equivalent_spp(sample_variance: Array, image_variance: Array) -> float:
+    """Samples per pixel of the reference's renderer that would be as noisy: what to assume where spp is
+    unknown.
+    """
+    usable = (sample_variance > 0) & (image_variance > 0)
+    if not usable.any():
+        return 1.0
+    return float(sample_variance[usable].sum() / image_variance[usable].sum())
+
+
+@dataclass(frozen=True)
+class Plan:
+    spp: int
+    """Samples per pixel of a batch."""
+    smallest: int
+    """Side of the finest tiles, pixels."""
+
+
+def plan(
+    pilot: Pilot, truth: Truth, batches: int, wishes: Sequence[tuple[Goals, int]], limits: Limits
+) -> Plan:
+    """The fewest samples (1, 2, 3, 4, 6, 8, 12, …) at which a PASS and the first reachable wish are expected.
+
+    A wish is goals and the most samples that they are worth. Where those do not suffice, larger tiles are
+    tried, then the next wish; at last all that the last wish allows.
+    """
+    steps = sorted({k << i for k in (2, 3) for i in range(24)} | {1})
+    affordable = [1]
+    for goals, most in wishes:
+        affordable = [spp for spp in steps if spp <= most] or [1]
+        smallest = SMALLEST
+        while smallest <= goals.coarsest:
+            best = Plan(affordable[-1], smallest)
+            if _reached(pilot, truth, batches, goals, limits, best):
+                fits = (Plan(spp, smallest) for spp in affordable)
+                return next((p for p in fits if _reached(pilot, truth, batches, goals, limits, p)), best)
+            smallest *= 2
+    return Plan(affordable[-1], SMALLEST)
+
+
+def _reached(pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, plan: Plan) -> bool:
+    spp, smallest = plan.spp, plan.smallest
+    regions = truth.regions(spp, pilot.skewness, smallest)
+    height, width = truth.shape
+    if len(regions) - 1 < goals.fineness * -(-height // smallest) * -(-width // smallest):
+        return False
+    expected = truth.expected(regions, spp)
+    scale = np.where(expected.yardstick > 0, expected.yardstick, np.inf)
+    own = 1.2 * region_variances(pilot.sample_variance, regions) / (spp * batches)
+    one_set = np.sqrt(own + expected.variance) / scale
+    both_sets = np.sqrt(own / 2 + expected.variance) / scale
+    freedom = st.FREEDOM_SHARE * (batches - 1)
+
+    tail = (1 - CONFIDENCE) / 2 / one_set.size
+    needed = (-special.stdtrit(2 * freedom, tail) + 2.5) * both_sets
+    if needed[0].max() > limits.image or needed[1:].max(initial=0.0) > limits.tile:
+        return False
+    level_image = SHARE_IMAGE * ALPHA / 3
+    level_tile = SHARE_TILES * ALPHA / max(one_set[1:].size, 1)
+    image = SYSTEMATIC + st.detection_factor(freedom, level_image) * one_set[0].max()
+    tiles = SYSTEMATIC + st.detection_factor(freedom, level_tile) * one_set[1:].max(axis=1)
+    if goals.image is not None and image > goals.image:
+        return False
+    return goals.tile_p90 is None or float(np.quantile(tiles, 0.9, method="higher")) <= goals.tile_p90

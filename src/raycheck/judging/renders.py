@@ -1,0 +1,186 @@
+"""One case: a renderer's pictures of a scene, made with many seeds and judged."""
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from raycheck.base.arrays import Array
+from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
+from raycheck.judging import checks
+from raycheck.judging.agenda import Task
+from raycheck.judging.checks import Broken, check_contract
+from raycheck.judging.evidence import evidence
+from raycheck.judging.plan import Pilot, Plan, measure, pace, plan
+from raycheck.judging.settings import (
+    BATCHES,
+    MOST_SPP,
+    PILOT_IMAGES,
+    PILOT_SPP,
+    TIMING_SEEDS,
+    TIMING_STEP,
+    Settings,
+    case_seeds,
+)
+from raycheck.judging.telling import case_maker, figures, known_as, told
+from raycheck.judging.verdicts import Case
+from raycheck.renderers.renderer import Rendering
+from raycheck.stats.tiles import SMALLEST, region_means
+from raycheck.stats.verdict import Outcome, judge
+from raycheck.truth.expected import Truth
+
+
+def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
+    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded)
+    technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
+    seeds = case_seeds(task.label, technique, settings.seed, taken)
+    try:
+        with _pool(settings.jobs) as pool:
+            return _judge_renders(_Trial(task, truth, settings, pool), seeds, case)
+    except Broken as error:
+        return case(Outcome.FAIL, str(error))
+    except RenderTimeout as error:
+        return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
+    except RenderLate as error:
+        return case(Outcome.FAIL, str(error), late=True)
+    except RenderError as error:
+        return case(Outcome.FAIL, str(error))
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[ThreadPoolExecutor]:
+    """A thread pool that drops what is waiting as soon as something goes wrong."""
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@dataclass
+class _Trial:
+    """The renders of one case: each goes through the plain checks, and no two may be the same."""
+
+    task: Task
+    truth: Truth
+    settings: Settings
+    pool: ThreadPoolExecutor
+    labels: list[str] = field(default_factory=list)
+    digests: list[str] = field(default_factory=list)
+
+    def render(self, spp: int, seeds: Sequence[int]) -> tuple[Array, list[Rendering]]:
+        """Images of some seeds, (B, H, W, 3)."""
+        task, truth, timeout = self.task, self.truth, self.settings.timeout
+        made = list(self.pool.map(lambda s: _render(task, truth, spp, s, timeout), seeds))
+        first = len(self.labels)
+        self.labels.extend(
+            f"seed {seed}" if task.renderer.takes_seed else f"run {first + i}" for i, seed in enumerate(seeds)
+        )
+        self.digests.extend(checks.digest(m.image) for m in made)
+        return np.stack([m.image.pixels for m in made]), made
+
+    def check_seeds(self) -> None:
+        problem = checks.seed_problem(self.digests, self.labels, self.truth.varies)
+        if problem:
+            hint = "; without {seed} in the command runs must differ by themselves"
+            raise Broken(problem + ("" if self.task.renderer.takes_seed else hint))
+
+    def mistake(self, images: Array, gross: bool = False) -> str | None:
+        lights = self.task.content.lights
+        return checks.name_mistake(images, self.truth.mean, self.truth.variance, lights, gross=gross)
+
+    def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int]) -> tuple[Pilot, Plan]:
+        """How many samples to take, and the pilot with times from nearer to them."""
+        chosen = _affordable(pilot, self.truth, self.settings, self.task.unbounded)
+        for seed in seeds:
+            nearer = TIMING_STEP * max(times)
+            if chosen.spp <= nearer:
+                break
+            times[nearer] = self.render(nearer, [seed])[1][0].seconds
+            start, each = pace(times)
+            pilot = replace(pilot, start_seconds=start, sample_seconds=each)
+            chosen = _affordable(pilot, self.truth, self.settings, self.task.unbounded)
+        return pilot, chosen
+
+
+def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -> Case:
+    truth, settings = trial.truth, trial.settings
+    fixed = not trial.task.renderer.takes_spp
+    _, probe = trial.render(1, seeds[:1])
+    fingerprint = _fingerprint(trial.task, trial.digests[0], truth, settings)
+    if fingerprint in settings.earlier:
+        return settings.earlier[fingerprint]
+    case = partial(case, fingerprint=fingerprint)
+    first_spp = 1 if fixed else PILOT_SPP
+    pilot_images, pilot_made = trial.render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
+    trial.check_seeds()
+    mistake = trial.mistake(pilot_images, gross=True)
+    if mistake:
+        return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
+    times = {1: probe[0].seconds, first_spp: min(m.seconds for m in pilot_made)}
+    pilot = measure(pilot_images, None if fixed else first_spp, truth, times)
+    smallest, spp = SMALLEST, None if fixed else settings.spp
+    if not fixed and not settings.spp:
+        pilot, chosen = trial.plan(pilot, times, seeds[-TIMING_SEEDS:])
+        smallest, spp = chosen.smallest, chosen.spp
+        if not trial.task.independent:
+            # The variance falls faster than 1/spp: the plan, which takes it as 1/spp, errs on the safe side
+            # from the pilot's samples on, and expects too little noise below.
+            spp = max(spp, PILOT_SPP)
+
+    quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
+    regions = truth.regions(spp or 1, pilot.skewness, smallest)
+    second = 1 + PILOT_IMAGES + BATCHES
+    set_a, _ = trial.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
+    set_b, _ = trial.render(spp or 1, seeds[second : second + BATCHES])
+    trial.check_seeds()
+    both = np.concatenate([set_a, set_b])
+    problem = checks.shared_noise(both)
+    if not fixed and not problem:
+        tame = truth.regions(first_spp, pilot.skewness)
+        few = region_means(pilot_images, tame)
+        problem = checks.stuck_noise(few, first_spp, region_means(both, tame), spp or 1)
+    if problem and trial.task.independent:
+        return case(Outcome.FAIL, problem, spp=spp, images=2 * BATCHES)
+    means = region_means(both, regions)
+    residuals = means - region_means(truth.mean, regions)
+    noise = pilot.noise if fixed else max(pilot.noise, 1.0)
+    expected = truth.expected(regions, (spp or 1) / noise, quantum)
+    found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
+    if found.outcome is Outcome.FAIL:
+        mistake = trial.mistake(both)
+        if not mistake and not fixed:
+            mistake = checks.clamped_samples(found.bias_high, pilot.noise)
+    seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
+    shown = partial(evidence, known_as(trial.task.of), both, truth)
+    found, sentence = told(found, regions, seconds, mistake, probe[0].image, shown)
+    return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions))
+
+
+def _fingerprint(task: Task, picture: str, truth: Truth, settings: Settings) -> str:
+    what = (task.label, task.technique, picture, truth.digest)
+    how = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
+    return hashlib.blake2b(repr((what, how)).encode(), digest_size=16).hexdigest()
+
+
+def _render(task: Task, truth: Truth, spp: int, seed: int, timeout: float) -> Rendering:
+    made = task.renderer.render(task.path, spp, seed, timeout)
+    check_contract(made.image, truth, f"seed {seed}" if task.renderer.takes_seed else "")
+    return made
+
+
+def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool) -> Plan:
+    """Samples per pixel: what the goals need, at most what the time allows."""
+
+    def most(seconds: float) -> int:
+        each = seconds * settings.jobs / (2 * BATCHES)
+        if pilot.sample_seconds <= 0:
+            return MOST_SPP
+        return int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
+
+    wishes = [(goals, most(seconds)) for goals, seconds in settings.wishes(truth, unbounded)]
+    return plan(pilot, truth, BATCHES, wishes, settings.limits)

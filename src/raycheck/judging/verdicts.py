@@ -1,0 +1,90 @@
+"""The verdicts of a run, as they are kept in a file."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raycheck.base.errors import NotFound
+from raycheck.stats.verdict import Outcome
+
+
+@dataclass(frozen=True)
+class Case:
+    """The verdict on one scene and one technique; figures are relative, None where a plain check already
+    failed.
+    """
+
+    scene: str
+    technique: str
+    verdict: Outcome
+    reason: str
+    bias: float | None = None
+    bias_low: float | None = None
+    bias_high: float | None = None
+    mde_image: float | None = None
+    mde_tile_p90: float | None = None
+    spp: int | None = None
+    """Samples per pixel of each image, None where the renderer chooses."""
+    seconds: float = 0.0
+    images: int = 0
+    """Judged images of both sets together."""
+    tiles: int = 0
+    channel: str | None = None
+    mde_tile_max: float | None = None
+    p_image: float | None = None
+    p_tile: float | None = None
+    p_omnibus: float | None = None
+    tile_differences: int = 0
+    heavy_tailed: int = 0
+    more_samples: float | None = None
+    closed_form: bool = False
+    """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
+    unbounded: bool = False
+    """The scene says that this technique's samples have no bound: no small detectable bias is asked then."""
+    late: bool = False
+    """It FAILs because a picture took longer than it may."""
+    looks: int = 1
+    """With fresh samples each; the last one's figures."""
+    fingerprint: str = ""
+    """Of the reference, the settings and the renderer's first picture: a case that has it need not be judged
+    again.
+    """
+
+
+@dataclass(frozen=True)
+class Verification:
+    """All verdicts of a run, and what they were made with."""
+
+    cases: list[Case]
+    header: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def exit_status(self) -> int:
+        """1 if any FAIL, else 3 if any INCONCLUSIVE, else 0."""
+        outcomes = {case.verdict for case in self.cases}
+        return 1 if Outcome.FAIL in outcomes else 3 if Outcome.INCONCLUSIVE in outcomes else 0
+
+    @classmethod
+    def read(cls, path: Path) -> "Verification":
+        """What `to_json` wrote; NotFound if it is anything else."""
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            cases = [Case(**{**case, "verdict": Outcome(case["verdict"])}) for case in found.pop("cases")]
+        except OSError as error:
+            raise NotFound(f"{path}: {error.strerror}") from None
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise NotFound(f"{path}: not a result of raycheck verify --json ({error})") from None
+        return cls(cases, found)
+
+    def to_json(self) -> str:
+        cases = [asdict(case) for case in self.cases]
+        for values in cases:
+            for key, value in values.items():
+                if isinstance(value, float):
+                    values[key] = float(f"{value:.6g}") if np.isfinite(value) else None
+        return (
+            json.dumps({**self.header, "cases": cases}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        )

@@ -1,0 +1,148 @@
+"""What makes images: a command, a Python callable, or files that are already there."""
+
+import os
+import shlex
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from raycheck.base.errors import ImageError, NotFound, RenderError, RenderTimeout
+from raycheck.base.images import load_image
+from raycheck.base.processes import end, signal_name
+from raycheck.base.text import last_words
+from raycheck.renderers.renderer import Rendering
+
+
+def split_command(command: str, windows: bool = os.name == "nt") -> list[str]:
+    """Split like a shell does, with quotes; on Windows a backslash is part of a path and escapes nothing."""
+    lexer = shlex.shlex(command, posix=True, punctuation_chars=False)
+    lexer.whitespace_split = True
+    lexer.commenters = ""
+    if windows:
+        lexer.escape = ""
+    try:
+        return list(lexer)
+    except ValueError as error:
+        raise NotFound(f"the renderer command cannot be split: {error} in {command!r}") from None
+
+
+class TakesPlaceholders:
+    """What a command takes, by its words."""
+
+    words: Sequence[str]
+
+    def takes(self, *placeholders: str) -> bool:
+        """Whether the words hold any of them."""
+        return any(placeholder in word for word in self.words for placeholder in placeholders)
+
+    def filled(self, values: Mapping[str, str]) -> list[str]:
+        """The words, with values for the placeholders."""
+        found = list(self.words)
+        for placeholder, value in values.items():
+            found = [word.replace(placeholder, value) for word in found]
+        return found
+
+    @property
+    def takes_spp(self) -> bool:
+        return self.takes("{spp}")
+
+    @property
+    def takes_seed(self) -> bool:
+        return self.takes("{seed}")
+
+
+@dataclass(frozen=True)
+class Command(TakesPlaceholders):
+    """A program that writes {output}, and where it can takes {scene}, {spp} and {seed}.
+
+    Placeholders are replaced after splitting, so that paths with spaces stay one argument.
+    """
+
+    words: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, command: str) -> "Command":
+        words = tuple(split_command(command))
+        if not words:
+            raise NotFound("the renderer command is empty")
+        found = cls(words)
+        if not found.takes("{output}"):
+            raise NotFound("the renderer command has no {output}: say where it writes its image")
+        return found
+
+    @property
+    def takes_scene(self) -> bool:
+        return self.takes("{scene}")
+
+    def arguments(self, scene: Path, output: Path, spp: int, seed: int) -> list[str]:
+        """The words of one run."""
+        values = {"{output}": str(output), "{scene}": str(scene), "{spp}": str(spp), "{seed}": str(seed)}
+        return self.filled(values)
+
+    def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
+        with tempfile.TemporaryDirectory(prefix="raycheck-", ignore_cleanup_errors=True) as folder:
+            output = Path(folder) / "image.exr"
+            words = self.arguments(scene, output, spp, seed)
+            started = time.perf_counter()
+            _run(words, Path(folder) / "messages.txt", timeout)
+            seconds = time.perf_counter() - started
+            try:
+                return Rendering(load_image(_written(Path(folder), output)), seconds)
+            except ImageError as error:
+                raise RenderError(str(error).replace(folder + os.sep, "")) from None
+
+
+def _written(folder: Path, output: Path) -> Path:
+    """The image: {output}, or the one file whose name starts with it ("{output}.pfm")."""
+    if output.is_file():
+        return output
+    others = sorted(p for p in folder.iterdir() if p.name.startswith(output.name) and p.is_file())
+    if len(others) == 1:
+        return others[0]
+    messages = folder / "messages.txt"
+    raise RenderError("exit status 0, but {output} was not written" + _last_lines(messages))
+
+
+def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
+    with messages.open("wb") as file:
+        try:
+            process = subprocess.Popen(
+                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=file,
+                start_new_session=os.name == "posix",
+            )  # fmt: skip
+        except OSError as error:
+            raise NotFound(f"{words[0]}: cannot be started: {error.strerror or error}") from None
+        late = threading.Event()
+
+        def end_late() -> None:
+            late.set()
+            end(process)
+
+        timer = threading.Timer(
+            timeout, end_late
+        )  # wait(timeout) polls: up to 50 ms more for each short render
+        timer.start()
+        try:
+            status = process.wait()
+        except BaseException:
+            end(process)
+            raise
+        finally:
+            timer.cancel()
+    if late.is_set():
+        raise RenderTimeout(f"no image after {timeout:.0f} s{_last_lines(messages)}")
+    if status < 0:
+        raise RenderError(f"ended by signal {signal_name(-status)}{_last_lines(messages)}")
+    if status:
+        raise RenderError(f"exit status {status}{_last_lines(messages)}")
+
+
+def _last_lines(messages: Path) -> str:
+    """The last lines on standard error, as the end of a sentence."""
+    with messages.open("rb") as file:
+        file.seek(max(0, messages.stat().st_size - 4000))
+        return last_words(file.read().decode(errors="replace"))

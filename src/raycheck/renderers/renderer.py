@@ -1,0 +1,27 @@
+"""What every renderer is to a judge: scene, samples and seed go in, an image comes out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from raycheck.base.images import Image
+
+
+@dataclass(frozen=True)
+class Rendering:
+    image: Image
+    seconds: float
+
+
+@runtime_checkable
+class Renderer(Protocol):
+    """Renders `scene` with `spp` samples per pixel and `seed`; raises RenderError."""
+
+    @property
+    def takes_scene(self) -> bool: ...
+    @property
+    def takes_spp(self) -> bool: ...
+    @property
+    def takes_seed(self) -> bool: ...
+
+    def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering: ...

@@ -1,0 +1,224 @@
+"""A scene as text, as a C++ header or as a Rust module, for a renderer whose scenes are in its source."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Row = Mapping[str, Any]
+
+VECTOR, NUMBER, INTEGER, FLAG, THREE, NAME = "vector", "number", "integer", "flag", "three", "name"
+_SURFACE = {"material": INTEGER, "radiance": VECTOR}
+TABLES: dict[str, tuple[str, dict[str, str]]] = {
+    "Material": (
+        "materials",
+        {
+            "type": NAME, "two_sided": FLAG, "reflectance": VECTOR, "eta": VECTOR, "k": VECTOR,
+            "weight_of_second": NUMBER, "first": INTEGER, "second": INTEGER,
+        },
+    ),
+    "Parallelogram": (
+        "parallelograms", {"corner": VECTOR, "edge_u": VECTOR, "edge_v": VECTOR, "normal": VECTOR, **_SURFACE}
+    ),
+    "Disk": (
+        "disks", {"center": VECTOR, "axis_u": VECTOR, "axis_v": VECTOR, "normal": VECTOR, **_SURFACE}
+    ),
+    "Sphere": ("spheres", {"center": VECTOR, "radius": NUMBER, "inward": FLAG, **_SURFACE}),
+    "Triangle": (
+        "triangles",
+        {"vertices": THREE, "normal": VECTOR, "smooth": FLAG, "vertex_normals": THREE, **_SURFACE},
+    ),
+    "PointLight": ("point_lights", {"position": VECTOR, "intensity": VECTOR}),
+    "Sun": ("suns", {"direction": VECTOR, "irradiance": VECTOR}),
+    "SpotLight": (
+        "spot_lights",
+        {
+            "position": VECTOR, "axis": VECTOR, "intensity": VECTOR,
+            "cutoff_radians": NUMBER, "beam_radians": NUMBER,
+        },
+    ),
+}  # fmt: skip
+"""Structures: the name of their array, and their fields."""
+_TYPES = {"PointLight": "point light", "Sun": "sun", "SpotLight": "spot light"}
+_EMPTY = {VECTOR: [0.0, 0.0, 0.0], NUMBER: 0.0, INTEGER: -1, FLAG: False, NAME: "", THREE: [[0.0] * 3] * 3}
+
+
+def rows(data: Mapping[str, Any]) -> dict[str, list[Row]]:
+    """The scene's tables, by structure; those that it has no use for are empty."""
+    result: dict[str, list[Row]] = {"Material": [*_flat_materials(data["materials"])]}
+    for structure in TABLES:
+        kind = _TYPES.get(structure, structure.lower())
+        of_kind = [one for one in (*data["primitives"], *data["lights"]) if one["type"] == kind]
+        result.setdefault(structure, [{**one, "smooth": "vertex_normals" in one} for one in of_kind])
+    return result
+
+
+def _flat_materials(materials: Sequence[Row]) -> list[dict[str, Any]]:
+    """Parts of blends follow the scene's materials; a blend names them by index."""
+    flat = [dict(one) for one in materials]
+    for one in flat:  # grows as it goes
+        if "parts" in one:
+            one["first"], one["second"] = len(flat), len(flat) + 1
+            flat += [dict(part) for part in one.pop("parts")]
+        if isinstance(one.get("eta"), float):
+            one["eta"] = [one["eta"]] * 3
+    return flat
+
+
+@dataclass(frozen=True)
+class Language:
+    """How its constants look."""
+
+    comment: str
+    types: Mapping[str, str]
+    flags: tuple[str, str]
+    bracket: tuple[str, str]
+    struct: Callable[[str, Sequence[tuple[str, str]]], str]
+    constant: Callable[[str, str, str], str]
+    """Of name, kind and value."""
+    array: Callable[[str, str, Sequence[str]], str]
+    record: Callable[[str, Sequence[tuple[str, str]]], str]
+
+    def value(self, value: Any, kind: str) -> str:
+        if kind == NAME:
+            return f'"{value}"'
+        if kind == FLAG:
+            return self.flags[bool(value)]
+        if kind == INTEGER:
+            return str(int(value))
+        if kind == NUMBER:
+            return repr(float(value))
+        inner = VECTOR if kind == THREE else NUMBER
+        left, right = self.bracket
+        return left + ", ".join(self.value(v, inner) for v in value) + right
+
+
+def _cpp_field(name: str, kind: str) -> str:
+    shape = {VECTOR: "[3]", THREE: "[3][3]"}.get(kind, "")
+    return f"{CPP.types[kind]} {name}{shape}"
+
+
+CPP = Language(
+    comment="//",
+    types={
+        VECTOR: "double", THREE: "double", NUMBER: "double", INTEGER: "int", FLAG: "bool",
+        NAME: "const char *",
+    },
+    flags=("false", "true"),
+    bracket=("{", "}"),
+    struct=lambda name, fields: f"struct {name} {{ " + " ".join(f"{_cpp_field(*f)};" for f in fields) + " };",
+    constant=lambda name, kind, value: f"constexpr {_cpp_field(name, kind)} = {value};",
+    array=lambda name, of, values: f"const std::vector<{of}> {name} = {{"
+    + "".join(f"\n    {value}," for value in values)
+    + ("\n};" if values else "};"),
+    record=lambda name, fields: "{" + ", ".join(value for _, value in fields) + "}",
+)  # fmt: skip
+RUST: Language = Language(
+    comment="//",
+    types={
+        VECTOR: "[f64; 3]", THREE: "[[f64; 3]; 3]", NUMBER: "f64", INTEGER: "i32", FLAG: "bool",
+        NAME: "&'static str",
+    },
+    flags=("false", "true"),
+    bracket=("[", "]"),
+    struct=lambda name, fields: f"pub struct {name} {{ "
+    + " ".join(f"pub {_rust_name(f)}: {RUST.types[kind]}," for f, kind in fields)
+    + " }",
+    constant=lambda name, kind, value: f"pub const {name.upper()}: {RUST.types[kind]} = {value};",
+    array=lambda name, of, values: f"pub static {name.upper()}: &[{of}] = &["
+    + "".join(f"\n    {value}," for value in values)
+    + ("\n];" if values else "];"),
+    record=lambda name, fields: f"{name} {{ "
+    + ", ".join(f"{_rust_name(f)}: {value}" for f, value in fields)
+    + " }",
+)  # fmt: skip
+
+
+def _rust_name(name: str) -> str:
+    return "kind" if name == "type" else name  # a keyword
+
+
+def source(data: Mapping[str, Any], language: Language) -> str:
+    """Constants of the scene in that language."""
+    heads = [
+        f"{language.comment} Scene {data['scene']}: {', '.join(data['needs'])}.",
+        f"{language.comment} Directions to the image's corners are interpolated, then normalised.",
+        f"{language.comment} Colours are linear. max_depth: 1 emission only, 2 direct light, -1 no limit.",
+    ]
+    camera = data["camera"]
+    constants = [
+        language.constant(name, INTEGER, str(value))
+        for name, value in (
+            ("width", camera["width"]), ("height", camera["height"]),
+            ("max_depth", data["max_depth"]), ("roulette_depth", data["roulette_depth"]),
+        )
+    ] + [
+        language.constant(name, VECTOR, language.value(value, VECTOR))
+        for name, value in (
+            *((n, camera[n]) for n in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")),
+            ("sky", data["sky"]),
+        )
+    ]  # fmt: skip
+    blocks = []
+    for structure, table in rows(data).items():
+        array, fields = TABLES[structure]
+        records = [
+            language.record(
+                structure,
+                [(f, language.value(row.get(f, _EMPTY[kind]), kind)) for f, kind in fields.items()],
+            )
+            for row in table
+        ]
+        blocks += [
+            "",
+            language.struct(structure, list(fields.items())),
+            language.array(array, structure, records),
+        ]
+    if language is CPP:
+        heads += ["#pragma once", "#include <vector>", "", "namespace scene {"]
+        blocks += ["", "} // namespace scene"]
+    return "\n".join([*heads, "", *constants, *blocks]) + "\n"
+
+
+def text(data: Mapping[str, Any]) -> str:
+    """The scene for people who type it in."""
+    camera = data["camera"]
+    lines = [
+        f"scene {data['scene']}",
+        f"needs: {', '.join(data['needs'])}",
+        f"depth: {data['max_depth']} (1 emission only, 2 direct light, -1 no limit); "
+        f"roulette may begin at {data['roulette_depth']}",
+        f"image: {camera['width']} × {camera['height']}, box filter; directions to its outer corners, to be "
+        "interpolated and then normalised:",
+    ]
+    lines += [
+        f"  {name.replace('_', ' '):13}{_words(camera[name])}"
+        for name in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")
+    ]
+    lines += [f"sky: {_words(data['sky'])} W/(sr m²)"] if any(data["sky"]) else []
+    for index, material in enumerate(data["materials"]):
+        lines.append(f"material {index}: {_described(material)}")
+    for one in (*data["primitives"], *data["lights"]):
+        lines.append(_described(one))
+    return "\n".join(lines) + "\n"
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "; ".join(_words(v) for v in value)
+    if isinstance(value, list):
+        return " ".join(f"{v:.9g}" for v in np.asarray(value, dtype=float) + 0.0)
+    return f"{value:.9g}" if isinstance(value, float) else str(value).lower()
+
+
+def _described(one: Mapping[str, Any]) -> str:
+    parts = [
+        f"{name.replace('_', ' ')} {_words(value)}"
+        for name, value in one.items()
+        if name not in ("type", "parts")
+        and value is not False
+        and not (name == "radiance" and not any(value))
+    ]
+    parts += [f"({_described(part)})" for part in one.get("parts", ())]
+    return f"{one['type']}: " + ", ".join(parts)

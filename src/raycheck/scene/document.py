@@ -1,0 +1,146 @@
+"""The one reader and writer of scene files: Mitsuba's XML as a tree, by the rules of Mitsuba and oneray.
+
+`<default name= value=>` gives $name its value from where it stands, unless a parameter (-D) gives another; of
+the names that a text may begin with the longest counts, and a backslash before $ keeps it.
+`<include filename=>` in the scene stands for the elements of another file. Names of files are relative to the
+folder of the scene file.
+"""
+
+import copy
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from raycheck.base.errors import ReferenceError_
+
+Element = ElementTree.Element
+
+MOST_INCLUDED = 64
+"""Files that a scene may include: one that includes itself would have no end."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """A scene file with the values of its parameters."""
+
+    path: Path
+    root: Element
+    """As written, but with the parameters for the values of its defaults, and what it includes in place."""
+    included: tuple[str, ...] = ()
+    """Names of files."""
+
+    @property
+    def defaults(self) -> dict[str, str]:
+        """The values of all $names."""
+        *_, (_, known) = self._walk(self.root)
+        return known
+
+    def resolved(self) -> Element:
+        """A copy with the values in place of all $names."""
+        root = copy.deepcopy(self.root)
+        for element, known in self._walk(root):
+            for key, text in element.attrib.items():
+                element.set(key, _filled(text, known, self.path))
+        return root
+
+    def names(self) -> list[str]:
+        """The names of files that it needs besides itself: what it includes, then meshes in their order."""
+        return [*self.included, *(name for _, name in self._meshes(self.root))]
+
+    def files(self) -> list[Path]:
+        """Where the files that it needs are."""
+        return [self.path.parent / name for name in self.names()]
+
+    def moved(self, place: Callable[[Path], str]) -> Element:
+        """A copy that names its meshes as `place` says."""
+        root = copy.deepcopy(self.root)
+        for element, name in list(self._meshes(root)):
+            element.set("value", place(self.path.parent / name))
+        return root
+
+    def _meshes(self, root: Element) -> Iterator[tuple[Element, str]]:
+        for element, known in self._walk(root):
+            if element.tag == "string" and element.get("name") == "filename":
+                yield element, _filled(element.get("value", ""), known, self.path)
+
+    def _walk(self, root: Element) -> Iterator[tuple[Element, dict[str, str]]]:
+        """The elements in their order, with the values of the $names that hold there."""
+        known: dict[str, str] = {}
+        for element in root.iter():
+            yield element, known
+            if element.tag == "default":
+                known[element.attrib["name"]] = _filled(element.attrib["value"], known, self.path)
+
+
+def read(path: Path, parameters: Mapping[str, str] | None = None, *, comments: bool = False) -> Document:
+    """ReferenceError_ where it cannot be read, or has no parameter of a name that is given."""
+    root = _parsed(path, comments)
+    included = tuple(_include(root, path, dict(parameters or {})))
+    names = []
+    for default in root.iter("default"):
+        for key in ("name", "value"):
+            if key not in default.attrib:
+                raise ReferenceError_(f'{path}: a default lacks its attribute "{key}"')
+        names.append(default.attrib["name"])
+        if parameters and names[-1] in parameters:  # what is given is taken as it is
+            default.set("value", parameters[names[-1]].replace("$", "\\$"))
+    for name in parameters or ():
+        if name not in names:
+            raise ReferenceError_(f"{path.stem} has no parameter {name} ({', '.join(names) or 'none'})")
+    return Document(path, root, included)
+
+
+def write(root: Element, path: Path) -> None:
+    """A tree as a file."""
+    path.write_bytes(text(root).encode())
+
+
+def text(root: Element) -> str:
+    """A tree as XML."""
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _parsed(path: Path, comments: bool) -> Element:
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=comments))
+    try:
+        return ElementTree.parse(path, parser).getroot()
+    except OSError as error:
+        raise ReferenceError_(f"{path}: {error.strerror}") from None
+    except ElementTree.ParseError as error:
+        raise ReferenceError_(f"{path}: {error}") from None
+
+
+def _include(root: Element, path: Path, known: dict[str, str]) -> Iterator[str]:
+    """Put the elements of other files in their places, and say what these are called."""
+    count, at = 0, 0
+    while at < len(root):
+        element = root[at]
+        if element.tag == "default" and {"name", "value"} <= element.attrib.keys():
+            known.setdefault(element.attrib["name"], _filled(element.attrib["value"], known, path))
+        if element.tag != "include":
+            at += 1
+            continue
+        count += 1
+        name = _filled(element.get("filename", ""), known, path)
+        if count > MOST_INCLUDED:
+            raise ReferenceError_(f"{path}: it includes more than {MOST_INCLUDED} files, or includes itself")
+        inner = _parsed(path.parent / name, False)
+        root[at : at + 1] = list(inner) if inner.tag == "scene" else [inner]
+        yield name
+
+
+def _filled(given: str, known: Mapping[str, str], path: Path) -> str:
+    """A text with the values of the $names in it."""
+
+    def value(found: re.Match[str]) -> str:
+        if found[0] == "\\$":
+            return "$"
+        name = max((name for name in known if found[1].startswith(name)), key=len, default=None)
+        if name is None:
+            listed = ", ".join(known) or "none"
+            raise ReferenceError_(f"{path}: undefined parameter {found[0]} (defaults before it: {listed})")
+        return known[name] + found[1][len(name) :]
+
+    return re.sub(r"\\\$|\$(\w*)", value, given, flags=re.ASCII) if "$" in given else given

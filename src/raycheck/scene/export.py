@@ -1,0 +1,205 @@
+"""What a renderer without an XML parser needs of a scene: every primitive in world space, as numbers.
+
+The JSON has a schema, `scene.schema.json`. Rectangles, and the six faces of a cube, are parallelograms
+p = corner + s edge_u + t edge_v with 0 ≤ s, t ≤ 1; meshes are triangles. A primitive shines along `normal`
+only, and reflects there only unless its material is `two_sided`; a sphere's normal points outwards unless
+`inward`. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m².
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raycheck.base.arrays import Array
+from raycheck.base.errors import ReferenceError_
+from raycheck.scene.reader import Camera, Material, Scene, Shape, read_scene
+from raycheck.scene.variants import Variant
+
+SCHEMA = Path(__file__).with_name("scene.schema.json")
+
+_FACES = [
+    np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.array([[0, 0, -1], [-1, 0, 0], [0, 1, 0]]),
+    np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[-1, 0, 0], [0, -1, 0], [0, 0, 1]]),
+    np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]), np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]]),
+]  # fmt: skip
+"""Of the cube −1…1: middle (also the normal), half an edge u, half an edge v."""
+
+
+def export(of: Variant) -> dict[str, Any]:
+    """The scene as plain data that the schema describes; ReferenceError_ where a mesh cannot be read."""
+    scene = read_scene(of.path, of.parameters)
+    materials: list[Material] = []
+    primitives: list[dict[str, Any]] = []
+    for shape in scene.shapes:
+        index = next((i for i, one in enumerate(materials) if one is shape.material), len(materials))
+        if index == len(materials):
+            materials.append(shape.material)
+        for one in _primitives(shape):
+            primitives.append({**one, "material": index, "radiance": _numbers(shape.radiance)})
+    data = {
+        "scene": of.label, "max_depth": scene.max_depth, "roulette_depth": scene.roulette_depth,
+        "hide_emitters": scene.hide_emitters, "camera": _camera(scene.camera),
+        "materials": [_material(one) for one in materials], "primitives": primitives,
+        "lights": _lights(scene), "sky": _numbers(scene.sky),
+    }  # fmt: skip
+    return {**data, "needs": needs(data)}
+
+
+def to_json(data: dict[str, Any]) -> str:
+    """One line for each material and primitive."""
+    lines = []
+    for key, value in data.items():
+        if key in ("materials", "primitives", "lights") and value:
+            rows = ",\n  ".join(json.dumps(row, ensure_ascii=False) for row in value)
+            lines.append(f' "{key}": [\n  {rows}\n ]')
+        else:
+            lines.append(f' "{key}": {json.dumps(value, ensure_ascii=False)}')
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def needs(data: dict[str, Any]) -> list[str]:
+    """What a renderer must support to render it."""
+    words = sorted({p["type"] for p in data["primitives"]} | {light["type"] for light in data["lights"]})
+    words += sorted({kind for m in data["materials"] for kind in _kinds(m)})
+    if any(any(p["radiance"]) for p in data["primitives"]):
+        words.append("area light")
+    if any(data["sky"]):
+        words.append("sky")
+    depth = data["max_depth"]
+    words.append("bounces without limit" if depth == -1 else f"paths of {depth} segments")
+    return words
+
+
+def _kinds(material: dict[str, Any]) -> set[str]:
+    inner = set().union(*(_kinds(part) for part in material.get("parts", ())))
+    return inner | {material["type"]} | ({"two-sided"} if material["two_sided"] else set())
+
+
+def _numbers(values: Array) -> list[Any]:
+    result: list[Any] = np.asarray(values, dtype=np.float64).tolist()
+    return result
+
+
+def _camera(camera: Camera) -> dict[str, Any]:
+    """Origin, and directions to the image's corners, which lie on one plane as they are equally long: those
+    between are interpolated.
+    """
+    x, y = np.array([0, camera.width, 0, camera.width]), np.array([0, 0, camera.height, camera.height])
+    ways = camera.directions(x.astype(float), y.astype(float))
+    names = ("top_left", "top_right", "bottom_left", "bottom_right")
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "origin": _numbers(camera.origin),
+        **{name: _numbers(way) for name, way in zip(names, ways, strict=True)},
+    }
+
+
+def _material(material: Material) -> dict[str, Any]:
+    data: dict[str, Any] = {"type": material.kind, "two_sided": material.two_sided}
+    if material.kind == "blendbsdf":
+        parts = [_material(part) for part in material.parts]
+        return {**data, "type": "blend", "weight_of_second": material.weight, "parts": parts}
+    if material.kind == "conductor" and bool((material.k < 0).all()):
+        return {**data, "type": "mirror", "reflectance": _numbers(material.reflectance)}
+    if material.kind == "conductor":
+        index = {"eta": _numbers(material.eta), "k": _numbers(material.k)}
+        return {**data, "reflectance": _numbers(material.reflectance), **index}
+    if material.kind == "dielectric":
+        return {**data, "eta": float(material.eta[0])}
+    return {**data, "reflectance": _numbers(material.reflectance)}
+
+
+def _lights(scene: Scene) -> list[dict[str, Any]]:
+    points = [
+        {"type": "point light", "position": _numbers(p.position), "intensity": _numbers(p.intensity)}
+        for p in scene.point_lights
+    ]
+    suns = [
+        {"type": "sun", "direction": _numbers(s.direction), "irradiance": _numbers(s.irradiance)}
+        for s in scene.suns
+    ]
+    spots = [
+        {
+            "type": "spot light", "position": _numbers(s.position), "axis": _numbers(s.axis),
+            "intensity": _numbers(s.intensity), "cutoff_radians": s.cutoff, "beam_radians": s.beam,
+        }
+        for s in scene.spots
+    ]  # fmt: skip
+    return points + suns + spots
+
+
+def _primitives(shape: Shape) -> list[dict[str, Any]]:
+    linear, place = shape.to_world[:3, :3], shape.to_world[:3, 3]
+    sign = -1.0 if shape.flipped else 1.0
+    if shape.kind == "sphere":
+        radius = float(np.linalg.norm(linear[:, 0]))
+        return [
+            {"type": "sphere", "center": _numbers(place), "radius": radius, "inward": shape.flipped}
+        ]  # fmt: skip
+    normals = np.asarray(np.linalg.inv(linear).T, dtype=np.float64)
+    if shape.kind == "disk":
+        axes = {"center": _numbers(place), "axis_u": _numbers(linear[:, 0]), "axis_v": _numbers(linear[:, 1])}
+        return [{"type": "disk", **axes, "normal": _unit(sign * normals[:, 2])}]
+    if shape.kind in ("rectangle", "cube"):
+        faces = _FACES if shape.kind == "cube" else [_FACES[0] * [[0], [1], [1]]]
+        return [
+            {
+                "type": "parallelogram",
+                "corner": _numbers(place + linear @ (middle - u - v)),
+                "edge_u": _numbers(2 * linear @ u),
+                "edge_v": _numbers(2 * linear @ v),
+                "normal": _unit(sign * normals @ np.cross(u, v)),
+            }
+            for middle, u, v in faces
+        ]
+    return _triangles(shape, sign)
+
+
+def _unit(vector: Array) -> list[float]:
+    return _numbers(vector / np.linalg.norm(vector))
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    vertices: Array
+    """(V, 3)"""
+    faces: NDArray[np.int64]
+    """(F, 3)"""
+    normals: Array
+    """(V, 3)"""
+
+
+def _read_mesh(path: Path) -> _Mesh:
+    import trimesh
+
+    try:
+        mesh: Any = trimesh.load(path, process=False, force="mesh")
+    except Exception as error:  # trimesh names no errors of its own
+        raise ReferenceError_(f"{path}: not a mesh that can be read ({error})") from None
+    arrays = (np.asarray(a) for a in (mesh.vertices, mesh.faces, mesh.vertex_normals))
+    return _Mesh(*arrays)
+
+
+def _triangles(shape: Shape, sign: float) -> list[dict[str, Any]]:
+    if shape.mesh is None:
+        raise ReferenceError_(f"<shape type={shape.kind!r}> cannot be written as primitives")
+    mesh = _read_mesh(shape.mesh)
+    linear, place = shape.to_world[:3, :3], shape.to_world[:3, 3]
+    corners = (mesh.vertices @ linear.T + place)[mesh.faces]
+    flat = sign * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    rows = [
+        {"type": "triangle", "vertices": _numbers(three), "normal": _numbers(normal)}
+        for three, normal in zip(corners, flat, strict=True)
+    ]
+    if not shape.face_normals:
+        smooth = sign * mesh.normals @ np.linalg.inv(linear)
+        smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
+        for row, face in zip(rows, mesh.faces, strict=True):
+            row["vertex_normals"] = _numbers(smooth[face])
+    return rows

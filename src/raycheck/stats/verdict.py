@@ -1,0 +1,257 @@
+"""PASS, FAIL or INCONCLUSIVE from two disjoint sets of batches. Pure functions of arrays.
+
+Region 0 is always the whole image, the others are its tiles. Residuals are (B, regions, channels) in the
+units of the image; everything that a verdict reports is relative to the reference.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from raycheck.base.arrays import Array, Flags
+from raycheck.stats import statistics as st
+
+ALPHA = 1e-5
+"""Chance of a wrong FAIL of one case (a scene and a technique)."""
+SHARE_IMAGE, SHARE_TILES, SHARE_OMNIBUS = 0.4, 0.4, 0.2
+"""How the three tests share it."""
+SYSTEMATIC = 5e-4
+"""Relative bias that conventions and float32 films may cause, and that never FAILs."""
+CONFIDENCE = 0.99
+"""Simultaneous confidence of all intervals that a PASS rests on."""
+HEAVY_ERRORS = 3.0
+"""A batch is heavier-tailed than the tiles allow beyond this many standard errors of a skewness."""
+
+
+class Outcome(StrEnum):
+    PASS = "PASS"
+    FAIL = "FAIL"
+    INCONCLUSIVE = "INCONCLUSIVE"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Equal means: the image mean to `image`, a tile to `tile` of max(r_tile, r_image/10)."""
+
+    image: float = 0.01
+    tile: float = 0.05
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The reference over the regions."""
+
+    mean: Array
+    """(R, 3), region 0 the whole image."""
+    variance: Array
+    """(R, 3) variance of `mean`; 0 where a closed form stands."""
+    batches: int
+    """Batches that the variance came from."""
+    batch_variance: Array
+    """(R, 3) variance of a batch that samples like the reference's should have; what to assume where a
+    renderer's batches all agree. 0 where nothing varies.
+    """
+    quantum: Array
+    """(R, 3) step of quantised input, 0 for float32; a bias below it cannot be told from rounding."""
+
+    @property
+    def yardstick(self) -> Array:
+        """(R, 3) what a bias is relative to: r for the image, max(r_tile, r_image/10) for a tile."""
+        tiles = np.maximum(self.mean, self.mean[0] / 10)
+        return np.asarray(np.abs(np.concatenate([self.mean[:1], tiles[1:]])))
+
+    @property
+    def allowance(self) -> Array:
+        """(R, 3) bias that never FAILs where something varies."""
+        return SYSTEMATIC * np.abs(self.mean) + self.quantum
+
+    @property
+    def exact_allowance(self) -> Array:
+        """(R, 3) difference that never FAILs where nothing varies on either side."""
+        return np.asarray(1e-5 * np.abs(self.mean) + 1e-7 * np.abs(self.mean[0]).max() + self.quantum)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One region and channel that differs from the reference."""
+
+    region: int
+    channel: int
+    bias: float
+    """Relative, with its simultaneous interval."""
+    low: float
+    high: float
+    p: float
+    """Adjusted for the number of tests of its family."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    outcome: Outcome
+    channel: int
+    """Channel of the largest |t| of the image mean; bias and interval are its."""
+    bias: float
+    bias_low: float
+    bias_high: float
+    mde_image: float
+    """Bias of the image mean that FAILs with 90 % power, worst channel."""
+    mde_tile_p90: float
+    """90 % of the tiles are at least this sensitive, worst channel of each."""
+    mde_tile_max: float
+    p_image: float
+    p_tile: float
+    p_omnibus: float
+    findings: list[Finding] = field(default_factory=list)
+    """What differs, the surest first: the image's channels, then tiles."""
+    undecided: list[Finding] = field(default_factory=list)
+    """Regions whose interval is wider than the limits, the widest first."""
+    more_samples: float = 1.0
+    """INCONCLUSIVE: how many times the samples would probably decide."""
+    heavy_tailed: int = 0
+    """Regions whose batches are too skewed to be used."""
+    tile_differences: int = 0
+    """Tiles that differ by themselves."""
+
+
+def judge(
+    first: Array, second: Array, expected: Expected, limits: Limits = Limits(), alpha: float = ALPHA
+) -> Judgement:
+    """Judge residuals of two disjoint sets, each (B, R, 3), against `expected`.
+
+    FAIL is decided first: |bias| beyond the allowance in *both* sets, at `alpha` over the image mean per
+    channel, the tiles (Holm) and the omnibus. PASS: simultaneous 99 % intervals of both sets together lie
+    within `limits`.
+    """
+    noise = (expected.variance, expected.batches, expected.batch_variance)
+    one, two = st.moments(first, *noise), st.moments(second, *noise)
+    both = st.moments(np.concatenate([first, second]), *noise)
+
+    allowance = np.where(both.exact, expected.exact_allowance, expected.allowance)
+    p = st.two_set_p(one, two, allowance)
+    heavy = _heavy(one) | _heavy(two)
+    p = np.where(heavy, 1.0, p)
+    p_image, p_tile = st.holm(p[0]), st.holm(p[1:])
+    p_omnibus = _omnibus(first, second, one, two, expected, heavy)
+    fails = (
+        p_image.min(initial=1.0) <= SHARE_IMAGE * alpha
+        or p_tile.min(initial=1.0) <= SHARE_TILES * alpha
+        or p_omnibus <= SHARE_OMNIBUS * alpha
+    )
+
+    scale = np.where(expected.yardstick > 0, expected.yardstick, np.abs(expected.mean[0]).max() or 1.0)
+    low, high = st.interval(both, (1 - CONFIDENCE) / 2 / both.bias.size)
+    inside = _inside(low, high, both, expected, limits, scale)
+    adjusted = np.concatenate([p_image[None], p_tile])
+    level = np.full(p.shape, SHARE_TILES * alpha / max(p_tile.size, 1))
+    level[0] = SHARE_IMAGE * alpha / p.shape[1]
+    detectable = st.detectable_bias(one, two, level, allowance) / scale
+    worst_of_tile = detectable[1:].max(axis=1) if len(detectable) > 1 else detectable[:1].max(axis=1)
+
+    findings = _different(both, low, high, scale, p, adjusted, alpha)
+    heavy_regions = int(heavy.any(axis=1).sum())
+    too_heavy = heavy_regions > 2 + 0.02 * len(heavy)  # chance alone gives a few
+    passes = inside.all() and not too_heavy
+    t = np.abs(both.bias[0]) / np.where(
+        both.exact[0], np.maximum(allowance[0], 1e-300), both.standard_error[0]
+    )
+    channel = int(np.argmax(t))
+    return Judgement(
+        outcome=Outcome.FAIL if fails else Outcome.PASS if passes else Outcome.INCONCLUSIVE, channel=channel,
+        bias=float(both.bias[0, channel] / scale[0, channel]),
+        bias_low=float(low[0, channel] / scale[0, channel]),
+        bias_high=float(high[0, channel] / scale[0, channel]), mde_image=float(detectable[0].max()),
+        mde_tile_p90=float(np.quantile(worst_of_tile, 0.9, method="higher")),
+        mde_tile_max=float(worst_of_tile.max()), p_image=float(p_image.min()),
+        p_tile=float(p_tile.min(initial=1.0)), p_omnibus=p_omnibus, findings=findings,
+        undecided=_too_wide(both, low, high, scale, adjusted, inside),
+        more_samples=_more_samples(one, both, low, high, inside, too_heavy, expected, limits, scale, level),
+        heavy_tailed=heavy_regions, tile_differences=len({f.region for f in findings if f.region > 0}),
+    )  # fmt: skip
+
+
+def _different(
+    both: st.Moments, low: Array, high: Array, scale: Array, p: Array, adjusted: Array, alpha: float
+) -> list[Finding]:
+    """What differs at its level, the image's channels first, then the surest."""
+    threshold = np.full(p.shape, SHARE_TILES * alpha)
+    threshold[0] = SHARE_IMAGE * alpha
+    different = adjusted <= threshold
+    order = np.argsort(np.where(different, p, 2.0), axis=None, kind="stable")[: int(different.sum())]
+    findings = [_finding(int(i), both, low, high, scale, adjusted) for i in order]
+    return sorted(findings, key=lambda f: f.region != 0)
+
+
+def _too_wide(
+    both: st.Moments, low: Array, high: Array, scale: Array, adjusted: Array, inside: Flags
+) -> list[Finding]:
+    """What is not known to lie within its limits, the least known first."""
+    half = np.where(inside, 0.0, (high - low) / 2 / scale)
+    order = np.argsort(-half, axis=None, kind="stable")[: int((~inside).sum())]
+    return [_finding(int(i), both, low, high, scale, adjusted) for i in order]
+
+
+def _heavy(found: st.Moments) -> Flags:
+    """Where batches are more skewed than the tiles were made for, beyond the error of a skewness of B
+    batches.
+    """
+    b = found.count
+    error = np.sqrt(6.0 * b * (b - 1) / ((b - 2) * (b + 1) * (b + 3)))
+    return np.asarray(np.abs(found.own_skewness) > 0.4 + HEAVY_ERRORS * error)
+
+
+def _omnibus(
+    first: Array, second: Array, one: st.Moments, two: st.Moments, expected: Expected, heavy: Flags,
+) -> float:  # fmt: skip
+    """Each set's tiles, weighted by the other set's variances; too skewed or unvarying ones are left out."""
+    if first.shape[1] < 2:
+        return 1.0
+    usable = ~heavy[1:] & ~one.exact[1:] & ~two.exact[1:]
+    p = []
+    for residuals, other in ((first, two), (second, one)):
+        weights = np.where(usable, 1 / np.where(usable, other.spread[1:], 1.0) ** 2, 0.0)
+        p.append(st.omnibus(residuals[:, 1:], expected.variance[1:], weights, expected.allowance[1:]))
+    return float(st.combine(p[0][0], p[1][0], max(p[0][1], p[1][1])))
+
+
+def _inside(
+    low: Array, high: Array, both: st.Moments, expected: Expected, limits: Limits, scale: Array
+) -> Flags:
+    limit = _limit(expected, limits, scale)
+    exact = np.abs(both.bias) <= expected.exact_allowance
+    return np.where(both.exact, exact, (low >= -limit) & (high <= limit))
+
+
+def _limit(expected: Expected, limits: Limits, scale: Array) -> Array:
+    relative = np.full(scale.shape, limits.tile)
+    relative[0] = limits.image
+    return relative * scale + expected.quantum
+
+
+def _finding(index: int, both: st.Moments, low: Array, high: Array, scale: Array, p: Array) -> Finding:
+    region, channel = divmod(index, scale.shape[1])
+    at = (region, channel)
+    return Finding(
+        region=region, channel=channel, bias=float(both.bias[at] / scale[at]), low=float(low[at] / scale[at]),
+        high=float(high[at] / scale[at]), p=float(p[at]),
+    )  # fmt: skip
+
+
+def _more_samples(
+    one: st.Moments, both: st.Moments, low: Array, high: Array, inside: Flags, too_heavy: bool,
+    expected: Expected, limits: Limits, scale: Array, level: Array,
+) -> float:  # fmt: skip
+    """How many times the samples would probably take every region inside its limit, or outside for sure.
+
+    A region that shows no bias needs its interval, and 2.5 standard errors of luck, within the limit; one
+    that shows a bias beyond 3.5 standard errors needs the samples that would make it FAIL.
+    """
+    limit = _limit(expected, limits, scale)
+    error = both.standard_error
+    pass_factor = (((high - low) / 2 + 2.5 * error) / limit) ** 2
+    beyond = np.abs(both.bias) - expected.allowance
+    needed = st.detection_factor(one.freedom, level) * one.standard_error
+    fail_factor = (needed / np.where(beyond > 0, beyond, np.inf)) ** 2
+    biased = (np.abs(both.bias) > 3.5 * error) & (beyond > 0)
+    factor = np.where(inside | both.exact, 1.0, np.where(biased, fail_factor, pass_factor))
+    return max(float(factor.max()), 4.0 if too_heavy else 1.2)
