@@ -37,6 +37,12 @@ INLINE void put_vec(Block *b, size_t row, Vec a)
     put(b, row + 1, a.y);
     put(b, row + 2, a.z);
 }
+INLINE void put_light(Block *b, size_t row, Light a)
+{
+    put(b, row, a.r);
+    put(b, row + 1, a.g);
+    put(b, row + 2, a.b);
+}
 INLINE void put_index(Block *b, size_t row, Index a)
 {
     for (size_t lane = 0; lane < LANES && b->at + lane < b->n; lane++)
@@ -191,8 +197,8 @@ void learn_anything(void *prepared, const double box[6], uint32_t seed)
     }
 }
 
-/* ---- Materials: a ray (o, d) and u[4] to (wi, factor, pdf, specular, compression, n, f_r, pdf and f_r cosθ/
-   pdf for the cosine of wi, the row that choose_layer takes, 1 where a surface is met). */
+/* ---- Materials: a ray (o, d) and u[4] to (wi, factor, pdf, delta, compression, n, f_r, pdf and f_r cosθ/
+   pdf of wi, the row that choose_part takes, 1 where a surface is met). */
 OVER_COLUMNS(scatter)
 {
     Features f = scene->features;
@@ -202,17 +208,18 @@ OVER_COLUMNS(scatter)
     Mask front;
     Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
     Scatter out = sample_material(&scene->materials, &s, get(b, 9), u, f);
-    Real cosine = vec_dot(s.n, out.wi);
+    Features asked = {f.has, f.use | USE_SURVIVAL_PDF};
+    Evaluation wi = evaluate_material(&scene->materials, &s, out.wi, vec_dot(s.n, out.wi), asked);
     put_vec(b, 0, out.wi);
-    put_vec(b, 3, out.factor);
+    put_light(b, 3, out.factor);
     put(b, 6, out.pdf_w);
-    put_mask(b, 7, out.specular);
+    put_mask(b, 7, out.delta);
     put(b, 8, out.compression);
     put_vec(b, 9, s.n);
-    put_vec(b, 12, eval_diffuse(&s));
-    put(b, 15, pdf_w_diffuse(&s, cosine, f));
-    put_vec(b, 16, factor_diffuse(&s, cosine, f));
-    put_index(b, 19, f.has & HAS_BLEND ? choose_layer(&scene->materials, &s, get(b, 9)) : s.row);
+    put_light(b, 12, wi.f_r);
+    put(b, 15, wi.pdf_w);
+    put_light(b, 16, wi.factor);
+    put_index(b, 19, f.has & HAS_BLEND ? choose_part(&scene->materials, &s, get(b, 9)) : s.row);
     put_mask(b, 20, hit.slot >= index_of(0));
 }
 
@@ -231,7 +238,7 @@ OVER_COLUMNS(light_sample)
         sample_light_point(&scene->emitters, i, real(1), &at, get(b, 8), get(b, 9), scene->features);
     put_vec(b, 0, s.wi);
     put(b, 3, s.distance);
-    put_vec(b, 4, s.weight);
+    put_light(b, 4, s.weight);
     put(b, 7, s.inverse_pdf_w);
     put_index(b, 8, s.slot);
 }
@@ -246,8 +253,8 @@ OVER_COLUMNS(light_hit)
     Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
     Mask front;
     Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
-    Vec emission = vec_gather((const Num(*)[3])scene->emitters.slot_emission, s.of);
-    Mask shines = front & (hit.slot >= 0) & (vec_max(emission) > real(0));
+    Light emission = light_gather(scene->emitters.slot_emission[0], s.of * 3);
+    Mask shines = front & (hit.slot >= 0) & (light_max(emission) > real(0));
     Index i = gather_index(scene->emitters.slot_light, s.of);
     i = index_select(shines, i + index_select(s.slot == s.of, index_of(0), s.slot), index_of(0));
     put_index(b, 0, index_select(shines, i, index_of(-1)));
@@ -281,21 +288,21 @@ OVER_COLUMNS(emit)
     put_vec(b, 0, start.ray.o);
     put_vec(b, 3, start.ray.d);
     put_index(b, 6, start.ray.from);
-    put_vec(b, 7, start.flux);
+    put_light(b, 7, start.flux);
 }
 
 /* ---- Camera: a place on the film (x, y) to its ray (o, d, tmax); a point to the eye as it sees it (seen,
    wi, distance, to_near, x, y, weight). */
 OVER_COLUMNS(film_ray)
 {
-    Ray ray = camera_ray(&scene->camera, get(b, 0), get(b, 1));
+    Ray ray = camera_ray(&scene->camera, get(b, 0), get(b, 1), scene->features);
     put_vec(b, 0, ray.o);
     put_vec(b, 3, ray.d);
     put(b, 6, ray.tmax);
 }
 OVER_COLUMNS(eye)
 {
-    Eye e = eye_from(&scene->camera, get_vec(b, 0));
+    Eye e = eye_from(&scene->camera, get_vec(b, 0), scene->features);
     put_mask(b, 0, e.seen);
     put_vec(b, 1, e.wi);
     put(b, 4, e.distance);
@@ -303,4 +310,39 @@ OVER_COLUMNS(eye)
     put(b, 6, e.x);
     put(b, 7, e.y);
     put(b, 8, e.weight);
+}
+
+/* ---- Vertices that are kept: the number of a path and of a vertex to (how many there are, that one's point, normal,
+   throughput, pdf and whether a delta sent the path there, and the path's radiance); a vertex below 0: none is kept. */
+enum { VERTICES_ROOM = 3 };
+OVER_COLUMNS(vertices)
+{
+    Features f = scene->features;
+    Start start;
+    Path path;
+    Vertex list[LANES * VERTICES_ROOM];
+    Vertices kept = {list, VERTICES_ROOM, {0}};
+    memset(&start, 0, sizeof start);
+    memset(&path, 0, sizeof path);
+    memset(list, 0, sizeof list);
+    start.rng.key[0] = path.rng.key[0] = 20240229u;
+    start.rng.pixel = path.rng.pixel = (Bits)get_index(b, 0);
+    start_at(&start, scene, real(scene->width / 2), real(scene->height / 2), f);
+    path.ray = start.ray;
+    path.roulette = start.roulette;
+    if (b->in[b->n + b->at] >= 0) {
+        f.use |= USE_VERTICES;
+        path.vertices = &kept;
+    }
+    for (path_start(&path, mask_all()); any(path.alive);)
+        path_step(&path, scene, f);
+    put_light(b, 11, path.radiance);
+    for (size_t lane = 0; lane < LANES && b->at + lane < b->n; lane++) {
+        double k = b->in[b->n + b->at + lane], *to = b->out + b->at + lane;
+        const Vertex *v = &list[lane * VERTICES_ROOM + (size_t)(k > 0 ? k : 0)];
+        const double numbers[11] = {kept.count[lane], v->p[0], v->p[1], v->p[2], v->n[0], v->n[1], v->n[2],
+            v->throughput[0], v->pdf_w, v->delta, (double)v->slot};
+        for (size_t row = 0; row < 11; row++)
+            to[row * b->n] = numbers[row];
+    }
 }

@@ -2,7 +2,7 @@
    these lines come the enums, the bits of the feature mask, the reader's tables of plugins, the features of a scene
    and the places where a kernel chooses between kinds. The Makefile makes kinds/FOLDER.h, which includes the files
    of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
-   emitters/emitter.h, sensors/sensor.h.
+   emitters/emitter.h, sensors/eye.h.
 
    A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
    what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
@@ -59,7 +59,8 @@
     X(MANY_LIGHTS, many_lights, "light choice")                                                              \
     X(HIDDEN, hidden, "hidden emitters")
 
-/* What a technique does with it (technique.h). */
+/* VERTICES and PARTS, and the empty lists, are seams for what is to come: nothing of today sets them.
+   What a technique does with it (technique.h). */
 #define USES(X)                                                                                              \
     X(NEE, nee, "next event estimation")                                                                     \
     X(MIS, mis, "multiple importance sampling")                                                              \

@@ -2,7 +2,7 @@
 #include "film/film.h"
 #include "film/output.h"
 #include "film/picture.h"
-#include "film/stats.h"
+#include "stats.h"
 #include "message.h"
 #include "options.h"
 #include "render.h"

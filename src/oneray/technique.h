@@ -73,3 +73,7 @@ typedef struct {
     int fresnel;
     int sampler;
 } Technique;
+
+/* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5
+   is absorbed, one path in e^100 is that long. */
+#define PATH_LIMIT 10000000

@@ -167,7 +167,7 @@ INLINE FirstRay area_emit(const Emitters *emitters, Index i, const Real place[2]
     sample_area(emitters, i, place[0], place[1], &point, &normal, f);
     Vec d = vec_from_frame(normal, sample_hemisphere_cosine(way[0], way[1]));
     return (FirstRay){
-        point, d, index_of_light(emitters->slot, i, f), REAL_PI * of_light(emitters->area, i, f)};
+        point, d, index_of_light(emitters->slot, i, f), light_all(REAL_PI * of_light(emitters->area, i, f))};
 }
 
 #endif

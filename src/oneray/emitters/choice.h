@@ -33,6 +33,7 @@ STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at
     Real across = real_sqrt(real_max(dd - along * along, real(0)));
     Mask within = along * sine > across * cone;
     Real d_cos_i = vec_dot(at->n, to_center);
+    d_cos_i = select(at->both_sides, real_abs(d_cos_i), d_cos_i);
     Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
     d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
     d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + of[NODE_SLACK], real(0)));

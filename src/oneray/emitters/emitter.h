@@ -2,15 +2,16 @@
    a cube counts as its six faces, on a mesh as its triangles.
 
    emitters/NAME.h defines, for a kind of the list EMITTERS in kinds.h,
-     Name, name_plugin   what a scene file says of it, and what is asked of that: flux, position
+     Name, name_plugin   what a scene file says of it
+     name_traits         what is asked of that (traits.h); it looks at nothing that a pointer leads to
      name_put            fills its place in the tables
-     name_leaf           how the tree of lights sees it
-     name_towards        one ray to it (next event estimation)
-     name_emit           one ray from it (light paths)
+     name_leaf           how the tree of lights sees it, its ball and cone so large that all its light is in them
+     name_towards        one ray to it for (u, v) in [0,1)²: what reaches the point over emission and p_i, 1/pdf_w
+     name_emit           one ray from it (light paths): where it starts by `place`, its direction by `way`
    and for a kind of SKIES, which a ray meets where it leaves the scene,
-     name_radiance       what it meets there
+     name_radiance       what it meets there, with the emission; also asked of lanes without a direction, d = 0
      name_pdf_w          the density of name_towards.
-   towards.h and emit.h choose between them, choice.h between lights. */
+   towards.h chooses between them, choice.h between lights. */
 #pragma once
 
 #include "traits.h"
@@ -26,7 +27,7 @@ typedef enum {
 #undef X
 } Site;
 
-/* The lights as a tree, for choosing one by what it may contribute (light_choice.h). Node 0 is the root; the
+/* The lights as a tree, for choosing one by what it may contribute (choice.h). Node 0 is the root; the
    children of a node are next to each other. */
 enum {
     NODE_CENTER = 0,
@@ -68,7 +69,7 @@ enum {
 typedef struct {
     int count;
     Int *site;          /* Site, by light, as all below */
-    Num (*emission)[3]; /* radiance, intensity or irradiance (description.h) */
+    Num (*emission)[3]; /* radiance, intensity or irradiance (LightFrom in traits.h) */
     Num (*position)[3]; /* center of a flat light or sphere; point, spot */
     Num (*edge_x)[3],
         (*edge_y)[3];        /* flat: half the sides, of a triangle two sides from one corner; edge_x of a spot or directional light: its direction */
@@ -94,13 +95,15 @@ typedef struct {
 typedef struct {
     Vec p, n;
     Index slot;
+    Mask both_sides; /* both matter */
 } Receiver;
 
 typedef struct {
     Vec wi; /* unit vector to the light */
     Real distance;
-    Light weight;       /* emission / (p_i pdf_w): what reaches the point if nothing is in between */
-    Real inverse_pdf_w; /* 1/(p_i pdf_w), sr; 0 where no random ray could hit the light */
+    Light weight;       /* emission / (p_i pdf_w): what reaches the point if nothing is in between; … */
+    Real inverse_pdf_w; /* 1/(p_i pdf_w), sr, 0 where no random ray could hit the light; from name_towards both
+                           without emission and p_i, which sample_light_point puts in */
     Index slot, emitter;
 } LightSample;
 
@@ -139,11 +142,11 @@ typedef struct {
     double key;             /* to sort by */
 } Leaf;
 
-/* The first ray of a light path, and the flux that it carries, over the light's emission. */
+/* The first ray of a light path. */
 typedef struct {
     Vec o, d;
     Index from; /* slot */
-    Real flux;
+    Light flux; /* that it carries, over the emission of the light */
 } FirstRay;
 
 /* L1 Towards the light's place: E = I cosθ/d², I in W·sr⁻¹ (Mitsuba's intensity, the lecture's flux / 4π). The
@@ -171,5 +174,5 @@ INLINE FirstRay from_far_away(const Emitters *emitters, Vec d, const Real place[
     Real x, y, radius = real(emitters->world_radius);
     sample_disk(place[0], place[1], &x, &y);
     Vec across = vec_from_frame(d, vec(x * radius, y * radius, -radius));
-    return (FirstRay){vec_add(vec_of(emitters->world_center), across), d, index_of(-1), flux};
+    return (FirstRay){vec_add(vec_of(emitters->world_center), across), d, index_of(-1), light_all(flux)};
 }

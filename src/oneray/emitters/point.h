@@ -47,7 +47,7 @@ INLINE FirstRay point_emit(const Emitters *emitters, Index i, const Real place[2
 {
     (void)place;
     return (FirstRay){vec_of_light(emitters->position, i, f), sample_sphere(way[0], way[1]), index_of(-1),
-        real(1) / pdf_w_sphere()};
+        light_all(real(1) / pdf_w_sphere())};
 }
 
 #endif

@@ -41,6 +41,7 @@ INLINE SphereView view_sphere(const Emitters *emitters, Index i, const Receiver 
     if (f.use & USE_CONE) {
         view.below = -vec_dot(at->n, view.axis);
         view.sets = view.outside & (view.below > real(0)) & (view.below < real_min(s, real(DEEPEST_SETTING)));
+        view.sets = and_not(view.sets, at->both_sides);
         if (any(view.sets))
             view_setting(&view, s);
     }

@@ -93,7 +93,7 @@ INLINE FirstRay spot_emit(const Emitters *emitters, Index i, const Real place[2]
     Real extent = of_light(emitters->extent, i, f);
     Vec d = vec_from_frame(vec_of_light(emitters->edge_x, i, f), sample_cone(way[0], way[1], extent));
     Real falloff = falloff_of(emitters, i, vec_neg(d), f);
-    return (FirstRay){vec_of_light(emitters->position, i, f), d, index_of(-1), falloff / pdf_w_cone(extent)};
+    return (FirstRay){vec_of_light(emitters->position, i, f), d, index_of(-1), light_all(falloff / pdf_w_cone(extent))};
 }
 
 #endif

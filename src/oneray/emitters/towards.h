@@ -36,14 +36,14 @@ STAGE LightSample sample_light_point(
 INLINE FirstRay sample_first_ray(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
 {
     int alone = ONE_KIND_OF_LIGHT(f);
-    FirstRay ray = {vec_all(real(0)), vec_all(real(1)), index_of(-1), real(0)};
+    FirstRay ray = {vec_all(real(0)), vec_all(real(1)), index_of(-1), light_all(real(0))};
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         FirstRay one = name##_emit(emitters, i, place, way, f);                                              \
         Mask is = IS_KIND(NAME);                                                                             \
         ray = alone ? one                                                                                  \
                                    : (FirstRay){vec_select(is, one.o, ray.o), vec_select(is, one.d, ray.d),  \
-                                         index_select(is, one.from, ray.from), select(is, one.flux, ray.flux)}; \
+                                         index_select(is, one.from, ray.from), light_select(is, one.flux, ray.flux)}; \
     }
     EMITTERS(X)
 #undef X

@@ -3,7 +3,7 @@
    by itself would ever hit it. For the same reason a mirror or glass in the picture cannot be served. */
 #pragma once
 
-#include "kernel/kernel.h"
+#include "estimators/splats.h"
 #include "message.h"
 #include "estimators/walk.h"
 
@@ -18,7 +18,7 @@ STAGE void start_at_light(Start *start, const Scene *scene, Features f)
     FirstRay first = sample_first_ray(emitters, i, random.u, random.u + 2, f);
     start->roulette = choice.u[2];
     start->ray = (Ray){first.o, first.d, real(NUM_MAX), first.from};
-    start->flux = light_scale(light_mul(light_all(first.flux), emission_of(emitters, i, f)), inverse_choice);
+    start->flux = light_scale(light_mul(first.flux, emission_of(emitters, i, f)), inverse_choice);
 }
 
 /* A splat for each lane; items says which of the job's paths a lane works on. */
@@ -52,7 +52,9 @@ INLINE void join_eye(
 {
     Eye eye = eye_from(&scene->camera, s->p, f);
     Real cosine = vec_dot(s->n, eye.wi);
-    active &= eye.seen & can_receive(cosine, f) & (light_max(s->reflectance) > real(0));
+    active &= eye.seen & can_receive(s, cosine, f);
+    if (!(f.has & (HAS_PARTS | FINITE_TRANSMITTING)))
+        active &= light_max(s->reflectance) > real(0);
     if (!any(active))
         return;
     Evaluation surface = evaluate_material(&scene->materials, s, eye.wi, cosine, f);

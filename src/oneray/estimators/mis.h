@@ -26,13 +26,19 @@ INLINE Real weight_of_hit(const Path *path, Real inverse_pdf_w, Features f)
     return select(path->delta, real(1), real(1) - mis_weight_light(path->pdf_w * inverse_pdf_w, f));
 }
 
+/* The last vertex, as next event estimation saw it. */
+INLINE Receiver last_receiver(const Path *path)
+{
+    return (Receiver){path->ray.o, path->n, path->ray.from, path->both_sides};
+}
+
 /* 1/(p_i pdf_w) of the ray that hit light i, had it been sampled by way of the light. */
 INLINE Real inverse_pdf_w_light(
     const Path *path, const Scene *scene, Index i, Real distance, Real cosine, Features f)
 {
     if (!(f.use & USE_MIS))
         return real(0);
-    Receiver at = {path->ray.o, path->n, path->ray.from};
+    Receiver at = last_receiver(path);
     return inverse_pdf_w_hit(&scene->emitters, i, &at, distance, cosine, f)
            * inverse_choice_of(&scene->emitters, &at, i, f);
 }

@@ -4,15 +4,16 @@
 #include "estimators/mis.h"
 #include "media/medium.h"
 
-/* Which lanes can receive light from a direction with this cosine: from the ray's side of the surface, or where a
-   finite material transmits from both. */
-INLINE Mask can_receive(Real cosine, Features f)
+/* Which lanes can receive light from a direction with this cosine: from the ray's side of the surface, or, of a finite
+   material that transmits, from both. */
+INLINE Mask can_receive(const Surface *s, Real cosine, Features f)
 {
-    return f.has & HAS_ANY(FINITE_MATERIALS) & TRANSMITTING ? cosine != real(0) : cosine > real(0);
+    Mask front = cosine > real(0);
+    return f.has & FINITE_TRANSMITTING ? front | (s->both_sides & (cosine < real(0))) : front;
 }
 INLINE Real received(Real cosine, Features f)
 {
-    return f.has & HAS_ANY(FINITE_MATERIALS) & TRANSMITTING ? real_abs(cosine) : cosine;
+    return f.has & FINITE_TRANSMITTING ? real_abs(cosine) : cosine;
 }
 
 /* L3 V: does light come through from the ray's end, at most tmax away, and (in a medium) how much of it? */
@@ -31,7 +32,7 @@ INLINE Mask comes_through(
 STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask active, const Real choice[2],
     const Real point[2], Features f)
 {
-    Receiver at = {s->p, s->n, s->slot};
+    Receiver at = {s->p, s->n, s->slot, s->both_sides};
     LightSample sample = sample_light(&scene->emitters, &at, choice, point, f);
     Real cosine = vec_dot(s->n, sample.wi);
     Evaluation surface = evaluate_material(&scene->materials, s, sample.wi, cosine, f);
@@ -40,7 +41,7 @@ STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask act
         Real pdf_w = pdf_w_bounce(path, scene, &surface, f);
         light = light_scale(light, mis_weight_light(pdf_w * sample.inverse_pdf_w, f));
     }
-    active &= can_receive(cosine, f) & (light_max(sample.weight) > real(0));
+    active &= can_receive(s, cosine, f) & (light_max(sample.weight) > real(0));
     if (!any(active))
         return;
     Ray shadow = {s->p, sample.wi, sample.distance, s->slot};

@@ -9,7 +9,8 @@ typedef struct {
     Light throughput; /* product of f_r cosθ / pdf along the path */
     Light radiance;   /* L, W·sr⁻¹·m⁻²: what the path has gathered */
     Light flux;       /* of a light path: what it carries, W, apart from the throughput */
-    Vec n;            /* normal at the last vertex, on the ray's side */
+    Vec n;            /* normal at the last vertex, on the side that the path came to it from */
+    Mask both_sides;  /* of the last vertex (Surface) */
     Real pdf_w;       /* of the ray's direction, where no delta chose it */
     Real compression; /* product of (η_o/η_i)² at the boundaries crossed; not in the throughput, so that
                          roulette does not act on it */

@@ -14,6 +14,7 @@ STAGE void bounce(
     path->pdf_w = scatter.pdf_w;
     path->delta = scatter.delta;
     path->n = s->n;
+    path->both_sides = s->both_sides;
     if (f.has & TRANSMITTING)
         path->compression = path->compression * scatter.compression;
     path->ray = (Ray){s->p, scatter.wi, real(NUM_MAX), s->slot};
@@ -56,8 +57,8 @@ STAGE void path_step(Path *path, const Scene *scene, Features f)
         path->radiance = light_add(path->radiance, light_mul(path_weight(path, f), light));
     }
     path->alive = goes_on(path, scene, hit);
-    if (f.use & USE_LIGHT_PATHS) { /* the rest is theirs, unless it is in a mirror */
-        path->unreachable = path->alive & (surface.delta | (surface.share < real(1)));
+    if (f.use & USE_LIGHT_PATHS) { /* the rest is theirs, unless it is in a mirror or a blend with one */
+        path->unreachable = path->alive & has_delta(&scene->materials, &surface, f);
         path->alive = mask_none();
     }
     if (!(f.has & (TRANSMITTING | HAS_BLEND)))

@@ -1,22 +1,11 @@
 /* A kernel: the tracer compiled for one precision and one number of lanes. What main knows of it. */
 #pragma once
 
+#include "estimators/splats.h"
 #include "scene/description.h"
 #include "technique.h"
 
 #include <stddef.h>
-
-/* L17 What a vertex of a light path gives a pixel. */
-typedef struct {
-    size_t path;   /* of the job's */
-    size_t pixel;
-    double radiance[3];
-} Splat;
-
-typedef struct {
-    Splat *list; /* those of a path in the path's order; the paths in any */
-    size_t count, room;
-} Splats;
 
 /* A run of samples: pixels first_pixel … in reading order, for each the samples first_sample …, and where
    they go: radiance[(pixel * sample_count + sample) * 3 + channel]. */
@@ -27,10 +16,6 @@ typedef struct {
     Splats *splats; /* not NULL: light paths instead, one for each pixel's sample; they go here, radiance stays
                        as it is */
 } Job;
-
-/* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5
-   is absorbed, one path in e^100 is that long. */
-#define PATH_LIMIT 10000000
 
 typedef struct {
     uint64_t rays, shadow_rays;

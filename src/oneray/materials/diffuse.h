@@ -46,7 +46,7 @@ INLINE Real diffuse_pdf_w(
 }
 
 /* L8 2 reflectance cosθ for the uniform hemisphere (reflectance/π scaled by 2π), L9 reflectance for the
-   cosine-weighted. A part of a blend has its share in the reflectance, and in the pdf. */
+   cosine-weighted. A part of a blend has its share in the reflectance. */
 INLINE Light diffuse_factor(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {

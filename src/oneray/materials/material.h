@@ -2,6 +2,7 @@
 
    materials/NAME.h defines, for a kind of the list MATERIALS in kinds.h,
      Name, name_plugin   what a scene file says of it
+     name_traits         what is asked of that (traits.h): reflected is all that goes on, on either side
      NameRow, name_row   its numbers as a kernel has them, the reflectance first, and how they come about
      name_transmits      trait: light goes through
      name_sample         one direction that the path goes on by
@@ -9,7 +10,8 @@
      name_eval           f_r, the BSDF (sr⁻¹)
      name_pdf_w          the density per solid angle of name_sample (sr⁻¹)
      name_factor         f_r cosθ / pdf_w, in the form that is simplest.
-   scatter.h chooses between them. */
+   These have the part's share in its reflectance alone, which the rows of a blend's finite parts are multiplied by;
+   they are not asked of light from behind (cosine < 0) unless they transmit. scatter.h chooses between them. */
 #pragma once
 
 #include "lanes/light.h"
@@ -26,8 +28,10 @@ typedef struct {
     Num *chance; /* blend: that it is this row's material, none of those before it being it, … */
     Int *next;   /* … else the row to go on with */
     Num *share;  /* of the whole blend */
+    Int *has;    /* by first row, of all parts: PARTS_TRANSMIT, a finite one does; PARTS_DELTA, there is one */
     int layers;  /* rows of the longest blend */
 } Materials;
+enum { PARTS_TRANSMIT = 1, PARTS_DELTA = 2 };
 
 /* A row's numbers: ROW_LIGHT(materials, row, Conductor, eta), ROW_REAL(…). */
 #define ROW_AT(Name, member) (offsetof(Name##Row, member) / sizeof(Num))
@@ -47,7 +51,8 @@ typedef struct {
     Index row, kind;
     Light reflectance; /* the row's */
     Real share;        /* and its share of a blend */
-    Mask delta;        /* its material, or all parts of a blend: no light can be sampled towards it */
+    Mask delta;        /* its material, or all parts of a blend: no ray to a light can be sent from it */
+    Mask both_sides;   /* it takes light from behind, too, that is no delta's */
 } Surface;
 
 /* A row of the surface's material: all of it, or a part of a blend. */

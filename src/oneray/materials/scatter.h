@@ -6,6 +6,7 @@
 /* Bits of the materials that light goes through. */
 #define IF_TRANSMITS(NAME, name, words) | (name##_transmits ? HAS_##NAME : 0)
 #define TRANSMITTING (0 MATERIALS(IF_TRANSMITS))
+#define FINITE_TRANSMITTING (0 FINITE_MATERIALS(IF_TRANSMITS))
 
 /* Where there is one kind of material and nothing goes through it, no kind is looked up: a path ends at what is black,
    before it is asked of its kind. */
@@ -40,6 +41,14 @@ INLINE void find_material(const Materials *materials, Surface *s, Features f)
     s->reflectance = light_gather(materials->numbers, s->row << materials->shift);
     s->share = f.has & HAS_BLEND ? gather(materials->chance, s->row) : real(1);
     s->delta = is_delta(s->kind, f);
+    s->both_sides =
+        f.has & FINITE_TRANSMITTING ? (gather_index(materials->has, s->row) & PARTS_TRANSMIT) != 0 : mask_none();
+}
+
+/* Is any of it a delta, of a blend any part? */
+INLINE Mask has_delta(const Materials *materials, const Surface *s, Features f)
+{
+    return f.has & HAS_BLEND ? (gather_index(materials->has, s->row) & PARTS_DELTA) != 0 : s->delta;
 }
 
 /* What a material that is no delta makes of light from one direction. */
@@ -52,12 +61,14 @@ typedef struct {
 INLINE Evaluation evaluate_part(
     const Materials *materials, const Part *part, Index kind, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    int one_kind = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS));
+    int one_kind = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS)), some_transmit = (f.has & FINITE_TRANSMITTING) != 0;
     Evaluation out = {light_all(real(0)), real(0), light_all(real(0))};
     (void)kind;
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Mask is = one_kind ? mask_all() : kind == index_of(MATERIAL_##NAME);                                 \
+        if (some_transmit && !name##_transmits) /* to it, what is behind is dark */                          \
+            is &= cosine > real(0);                                                                          \
         out.f_r = light_select(is, name##_eval(materials, part, s, wi, cosine), out.f_r);                    \
         out.pdf_w = select(is, name##_pdf_w(materials, part, s, wi, cosine, f), out.pdf_w);                  \
         if (f.use & USE_SURVIVAL_PDF)                                                                        \
@@ -96,7 +107,7 @@ INLINE void evaluate_other_parts(
         sum->f_r = light_add(sum->f_r, light_only(more, one.f_r));
         sum->pdf_w = sum->pdf_w + only(more, one.pdf_w);
     }
-    sum->factor = light_scale(sum->f_r, cosine / sum->pdf_w);
+    sum->factor = light_scale(sum->f_r, only(sum->pdf_w > real(0), real_abs(cosine) / sum->pdf_w));
 }
 
 /* The surface's material and light from wi, whose cosine to s->n this is. For surfaces that are no delta. */

@@ -46,6 +46,19 @@ static bool is_kind(const Description *d, Share part, MaterialKind kind)
     return part.material == MATERIAL_NONE ? kind == MATERIAL_DIFFUSE : d->materials[part.material].kind == kind;
 }
 
+/* What light can do at a part: PARTS_…. */
+static Int abilities_of(const Description *d, Share part)
+{
+    Int has = 0;
+#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) && name##_transmits ? PARTS_TRANSMIT : 0;
+    FINITE_MATERIALS(X)
+#undef X
+#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) ? PARTS_DELTA : 0;
+    DELTA_MATERIALS(X)
+#undef X
+    return has;
+}
+
 static bool part_is_finite(const Description *d, Share part)
 {
     bool finite = false;
@@ -115,6 +128,8 @@ static int set_rows(Materials *m, const Description *d, int row, int more, int m
     double albedo[3] = {0}, left = 1;
     parts_of(d, material, 1, parts);
     int layers = sort_parts(d, parts, count, albedo, &finite);
+    for (int k = 0; k < layers; k++)
+        m->has[row] |= abilities_of(d, parts[k]);
     for (int k = 0; k < layers; k++) {
         int last = k + 1 == layers;
         set_row(m, d, row, parts[k], albedo, side);
@@ -159,6 +174,7 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
     m->shift = row_shift(scene->features);
     m->numbers = keep(scene, rows, ((size_t)1 << m->shift) * sizeof *m->numbers);
     m->kind = keep(scene, rows, sizeof *m->kind);
+    m->has = keep(scene, rows, sizeof *m->has);
     if (scene->features.has & HAS_BLEND) {
         m->chance = keep(scene, rows, sizeof *m->chance);
         m->share = keep(scene, rows, sizeof *m->share);

@@ -1,7 +1,6 @@
 /* From a Description to a kernel's Scene: tables in the kernel's precision, computed in double. */
 #pragma once
 
-#include "kernel/kernel.h"
 #include "prepare/emitters.h"
 #include "prepare/materials.h"
 

@@ -53,7 +53,7 @@ static inline SensorTraits perspective_traits(const Perspective *s, int width, i
     return traits;
 }
 
-/* Primary rays, one pixel's box filter. The eye is where the path starts; nothing is sampled towards it. */
+/* Primary rays, one pixel's box filter, and the way back. */
 #ifdef LANES
 
 #include "sensors/eye.h"

@@ -11,7 +11,7 @@
      Name, name_plugin    what a scene file says of it, and what is asked of that: bounds, sides, size
      name_planes          how many slots it has, if they are flat; else 0
      NameRow, name_row    its numbers as a kernel has them, and how they come about
-     name_sample          a uniform point of it, if it shines
+     name_sample          a uniform point of it, by area (a cube shines as six rectangles)
    and for FLAT_SHAPES
      name_cross           where a ray crosses its plane, and whether within it
    for SOLID_SHAPES
@@ -112,7 +112,7 @@ INLINE Crossing flat_crossing(const Local *flat, const Ray *ray)
     return c;
 }
 
-/* The stretch near < t < far of the ray inside a convex solid; no_stretch: it passes by. */
+/* The stretch near < t < far of the ray inside a convex solid; not met: it passes by. */
 typedef struct {
     Real near, far;
     Mask met;

@@ -1,4 +1,4 @@
-#include "film/stats.h"
+#include "stats.h"
 
 #include "film/output.h"
 #include "version.h"

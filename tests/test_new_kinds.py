@@ -1,0 +1,136 @@
+"""What kinds.h promises: a new kind of thing is a file and a line. Two that oneray does not have are added to a
+copy of the sources, and everything that asks for a material or a light in general serves them.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from batches import Oneray, diffuse, glow, interval, sky, square, world
+from building import ROOT, build
+
+LINES = {
+    '#define FINITE_MATERIALS(X) X(DIFFUSE, diffuse, "diffuse")':
+        ' X(TRANSMITTER, transmitter, "diffuse transmitter")',
+    '    X(DIRECTIONAL, directional, "directional light")': ' X(DISKSPOT, diskspot, "disk-shaped spot")',
+}  # fmt: skip
+"""Of kinds.h, and what is put behind them."""
+
+WAYS = (
+    "--estimator walk", "--estimator nee", "", "--hemisphere uniform", "--mis-pdf survival", "--estimator light",
+)  # fmt: skip
+LIGHT_WAYS = ("--estimator nee", "", "--light-choice learned", "--light-choice uniform", "--estimator light")
+REFLECTANCE, TRANSMITTANCE = np.array([0.5, 0.3, 0.0]), np.array([0.3, 0.5, 0.6])
+SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{', '.join(map(str, REFLECTANCE))}"/>
+    <rgb name="transmittance" value="{', '.join(map(str, TRANSMITTANCE))}"/></bsdf>"""
+
+
+@pytest.fixture(scope="module")
+def renderer(tmp_path_factory: pytest.TempPathFactory) -> Oneray:
+    """Of a oneray that has both kinds."""
+    folder = tmp_path_factory.mktemp("new-kinds")
+    copy = folder / "oneray"
+    shutil.copytree(ROOT / "src/oneray", copy / "src/oneray")
+    shutil.copy(ROOT / "Makefile", copy)
+    shutil.copy(ROOT / "tests/kinds/transmitter.h", copy / "src/oneray/materials")
+    shutil.copy(ROOT / "tests/kinds/diskspot.h", copy / "src/oneray/emitters")
+    kinds = copy / "src/oneray/kinds.h"
+    text = kinds.read_text(encoding="utf-8")
+    for line, more in LINES.items():
+        assert text.count(line + "\n") == 1
+        text = text.replace(line, line + more)
+    kinds.write_text(text, encoding="utf-8")
+    program = build(folder / "build", copy, KERNELS="generic", LANES="native", CFLAGS="-O1")
+    return Oneray(program, folder)
+
+
+def sheet(bsdf: str) -> str:
+    """Two metres wide; the camera sees its middle."""
+    return f'<shape type="rectangle">{bsdf}</shape>'
+
+
+def shows(
+    renderer: Oneray, scene: str, options: str, wanted: Sequence[float], spp: int = 256, slack: float = 1e-5
+) -> None:
+    """Each channel of the picture's mean is what is wanted, by an interval that errs once in 10⁴ times."""
+    pixels = renderer.batches(scene, options, spp).pixels
+    for channel, value in enumerate(wanted):
+        found = interval(pixels[..., channel].mean(axis=(1, 2)))
+        what = (options, channel, value, found)
+        assert found.low - slack * value <= value <= found.high + slack * value, what
+        assert found.width <= 0.2 * value + 1e-6, what
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("z", [1, -1], ids=["front", "back"])
+def test_a_sheet_under_a_sky_shows_all_that_it_lets_go_on(renderer: Oneray, way: str, z: int) -> None:
+    scene = world(sheet(SHEET) + sky(), eye=f"0, 0, {z}", fov=40)
+    shows(renderer, scene, way, REFLECTANCE + TRANSMITTANCE)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_plain_diffuse_beside_it_stays_dark_behind(renderer: Oneray, way: str) -> None:
+    """Lit from behind alone, in a scene where something else lets light through."""
+    body = sheet(f'<bsdf type="twosided">{diffuse(0.8)}</bsdf>') + square(0, -0.5, 0.3, glow(10)).replace(
+        '<rotate x="1" angle="180"/>', ""
+    )  # fmt: skip
+    elsewhere = f'<shape type="sphere"><point name="center" x="4" y="0" z="-9"/>{SHEET}</shape>'
+    shows(renderer, world(body + elsewhere, fov=40), way, (0, 0, 0))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_blends_evaluate_their_finite_parts_together(renderer: Oneray, way: str) -> None:
+    """A quarter of it a white Lambert surface: each shows its share of the sum."""
+    blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.25"/>{SHEET}{diffuse(1)}</bsdf>'
+    scene = world(sheet(blend) + sky(), fov=40)
+    shows(renderer, scene, way, 0.75 * (REFLECTANCE + TRANSMITTANCE) + 0.25)
+
+
+@pytest.mark.parametrize("way", WAYS[:-1])
+def test_a_lamp_behind_it_is_transmitted(renderer: Oneray, way: str) -> None:
+    """E·transmittance/π from a small square lamp below: E = 4 a/√(1+a²) arctan(a/√(1+a²)) for half its side a
+    in units of its distance (a parallel rectangle as seen from below its corner, four times).
+    """
+    lamp = square(0, -1, 0.2, glow(1)).replace('<rotate x="1" angle="180"/>', "")
+    b = 0.2 / np.hypot(1, 0.2)
+    irradiance = 4 * b * np.arctan(b)
+    shows(renderer, world(sheet(SHEET) + lamp), way, irradiance * TRANSMITTANCE / np.pi, spp=4096)
+
+
+SPOT = """<emitter type="{kind}"><transform name="to_world"><lookat origin="{x}, 0, 2" target="{x}, 0, 0"
+    up="0, 1, 0"/></transform><float name="cutoff_angle" value="40"/><float name="intensity" value="{power}"/>
+    {more}</emitter>"""
+
+
+def irradiance_of_spots(radius: float) -> float:
+    """Of the origin, by spots of intensity 1 in all points of a disk of that radius two metres above it: the mean
+    over the disk, by quadrature.
+    """
+    r = radius * np.sqrt((np.arange(4000) + 0.5) / 4000)
+    cosine = 2 / np.hypot(r, 2)
+    angle, cutoff, beam = np.arccos(cosine), np.radians(40), np.radians(30)
+    falloff = np.where(angle <= beam, 1, np.clip((cutoff - angle) / (cutoff - beam), 0, None))
+    return float((falloff * cosine / (r * r + 4)).mean())
+
+
+@pytest.mark.parametrize("way", LIGHT_WAYS)
+@pytest.mark.parametrize("radius", [0, 1.5])
+def test_a_spot_with_a_disk_for_its_place(renderer: Oneray, way: str, radius: float) -> None:
+    """Beside a point light below, so that there is a choice of lights."""
+    spot = SPOT.format(kind="diskspot", x=0, power=10, more=f'<float name="radius" value="{radius}"/>')
+    below = '<emitter type="point"><point name="position" x="0" y="0" z="-5"/></emitter>'
+    wanted = [10 * 0.5 / np.pi * irradiance_of_spots(radius)] * 3
+    fov, spp, slack = (8, 16384, 2e-3) if way == "--estimator light" else (0.1, 1024, 1e-5)
+    shows(renderer, world(sheet(diffuse(0.5)) + spot + below, fov=fov), way, wanted, spp, slack)
+
+
+def test_no_random_ray_meets_it(renderer: Oneray) -> None:
+    scene = renderer.scene(world(sheet(diffuse(0.5)) + SPOT.format(kind="diskspot", x=0, power=1, more="")))
+    command = [str(renderer.program), str(scene), "--stats", "-", "--estimator", "walk"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "no random ray hits a disk-shaped spot" in done.stderr

@@ -1,0 +1,105 @@
+"""Seams for what is to come: vertices of a path can be kept, a stretch of a ray can have a transmittance, a blend
+can have several finite parts. They serve where they are asked for, and are not there where they are not.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from building import build
+from sampling import SCENE, SOURCES, Driver
+
+PATHS = 4000
+
+# What stands in the sources for nothing else, and how often.
+SEAMS = {
+    "estimators/walk.h": (r"    note_vertex\(path, hit, &surface, f\);\n", 1),
+    "estimators/light.h": (r"    note_vertex\(path, hit, &surface, f\);\n", 1),
+    "estimators/nee.h": (r"    if \(f\.has & HAS_ANY\(MEDIA\)\)\n        \*light = .*\n", 1),
+    "materials/scatter.h": (r"    if \(f\.has & HAS_PARTS\)\n        evaluate_other_parts\(.*\n", 1),
+}
+INSTANCE = "-DLIST(X)=X(room, ROOM | HAS_DIELECTRIC, PANELS)"
+WITH_A_SEAM = "-DLIST(X)=X(room, ROOM | HAS_BLEND | HAS_PARTS, PANELS)"
+
+
+def instructions(sources: Path, target: Path, kinds: Path, instance: str = INSTANCE) -> Counter[str]:
+    """Of one instance: how many of each there are. Which of two numbers a comparison names first, and so which way
+    it jumps, is chance; so is what fills a line up, and now and then a move from register to register.
+    """
+    command = [
+        "cc", "-std=c99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
+        f"-I{sources}", f"-I{kinds}", "-DSINGLE", "-DLANES=4", "-DSPECIALISED", "-DKERNEL=kernel_single_4",
+        "-DINSTANCES=instances_single_4", instance,
+        "-c", str(sources / "kernel/instances.c"), "-o", str(target),
+    ]  # fmt: skip
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    command = ["objdump", "-d", "--no-show-raw-insn", str(target)]
+    listing = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    found = Counter(re.findall(r"^ +[0-9a-f]+:\t(\S+)", listing, re.MULTILINE))
+    for one, other in (("jl", "jg"), ("jle", "jge"), ("ja", "jb"), ("jae", "jbe")):
+        found[f"{one} or {other}"] = found.pop(one, 0) + found.pop(other, 0)
+    return Counter({name: count for name, count in found.items() if not name.startswith(("nop", "mov"))})
+
+
+def test_seams_fold_away(tmp_path: Path) -> None:
+    """A scene without them is rendered by the same instructions as if they were not in the sources."""
+    copy = tmp_path / "oneray"
+    shutil.copytree(SOURCES, copy)
+    for name, (seam, count) in SEAMS.items():
+        text, found = re.subn(seam, "", (copy / name).read_text(encoding="utf-8"))
+        assert found == count, name
+        (copy / name).write_text(text, encoding="utf-8")
+    build(tmp_path / "build", goal="kinds")
+    whole = instructions(SOURCES, tmp_path / "whole.o", tmp_path / "build")
+    without = instructions(copy, tmp_path / "without.o", tmp_path / "build")
+    assert whole.total() > 2_000
+    assert whole == without
+    used = instructions(SOURCES, tmp_path / "used.o", tmp_path / "build", WITH_A_SEAM)
+    not_used = instructions(copy, tmp_path / "not_used.o", tmp_path / "build", WITH_A_SEAM)
+    assert used != not_used, "a seam that is used would be noticed"
+
+
+BOX = """
+<shape type="cube"><boolean name="flip_normals" value="true"/><transform name="to_world"><translate
+    z="1"/></transform><bsdf type="twosided"><bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></bsdf></shape>
+<shape type="rectangle"><transform name="to_world"><scale value="0.3"/><rotate x="1" angle="180"/>
+    <translate x="0.65" z="1.99"/></transform><emitter type="area"/></shape>"""
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    path = tmp_path / "room.xml"
+    path.write_text(SCENE.format(BOX), encoding="utf-8")
+    return path
+
+
+def test_kept_vertices_are_those_of_the_walk(driver: Driver, room: Path) -> None:
+    """From vertex to vertex the throughput is multiplied by the reflectance, and the density is cosθ/π of the
+    direction from one to the next: all that a path needs is in its vertices.
+    """
+    number = np.arange(PATHS)
+    with driver.scene(room, "nee", "cosine") as scene:
+        first, second, third = (driver("vertices", number, k, scene=scene) for k in (0, 1, 2))
+    assert (first[0] == 3).mean() > 0.9
+    assert (first[9] == 0).all()
+    for k, (before, after) in enumerate(((first, second), (second, third))):
+        there = (after[0] > k + 1) & (before[10] != after[10])
+        way = after[1:4] - before[1:4]
+        cosine = np.sum(before[4:7] * way, axis=0) / np.linalg.norm(way, axis=0)
+        assert there.sum() > PATHS / 2
+        np.testing.assert_allclose(after[7][there], 0.6 * before[7][there], rtol=1e-12)
+        np.testing.assert_allclose(after[8][there], cosine[there] / np.pi, rtol=1e-6, atol=1e-9)
+
+
+def test_keeping_vertices_changes_no_picture(driver: Driver, room: Path) -> None:
+    number = np.arange(PATHS)
+    with driver.scene(room, "mis", "cosine") as scene:
+        kept, not_kept = (driver("vertices", number, k, scene=scene) for k in (0, -1))
+    np.testing.assert_array_equal(kept[11:], not_kept[11:])
+    assert (not_kept[0] == 0).all() and kept[11].mean() > 0
