@@ -27,6 +27,7 @@ static const struct {
     {"<lookat>", "origin, target, up", 2},
     {"<matrix>", "value", 1}};
 
+/* A longer tag is cut off, and then there is none like it. */
 bool is_among(const Node *node, const char *elements)
 {
     char element[16];
