@@ -30,7 +30,7 @@ WITH_A_SEAM = "-DLIST(X)=X(room, ROOM | HAS_BLEND | HAS_PARTS, PANELS)"
 
 def instructions(sources: Path, target: Path, kinds: Path, instance: str = INSTANCE) -> Counter[str]:
     """Of one instance: how many of each there are. Which of two numbers a comparison names first, and so
-    which way it jumps, is chance; so is what fills a line up, and now and then a move from register to register.
+    which way it jumps, is chance; so is what fills a line up, and now and then a move between registers.
     """
     command = [
         "cc", "-std=c99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
