@@ -8,7 +8,7 @@
 
 typedef enum { ASCII, LITTLE_ENDIAN_, BIG_ENDIAN_ } Format;
 typedef enum { INT8, UINT8, INT16, UINT16, INT32, UINT32, FLOAT32, FLOAT64, TYPES } Type;
-typedef enum { SKIPPED = -1, X, Y, Z, NX, NY, NZ, CORNERS } Role;
+typedef enum { SKIPPED = -1, X, Y, Z, NX, NY, NZ, U, V, U_2, V_2, U_3, V_3, CORNERS } Role;
 
 static const char *const type_names[TYPES][2] = {{"char", "int8"}, {"uchar", "uint8"}, {"short", "int16"},
     {"ushort", "uint16"}, {"int", "int32"}, {"uint", "uint32"}, {"float", "float32"}, {"double", "float64"}};
@@ -105,7 +105,8 @@ static void read_header_element(Source *source, Header *header)
 
 static void read_header_property(Source *source, Header *header)
 {
-    static const char *const coordinates[] = {"x", "y", "z", "nx", "ny", "nz"};
+    static const char *const coordinates[] = {
+        "x", "y", "z", "nx", "ny", "nz", "u", "v", "texture_u", "texture_v", "s", "t"};
     PlyProperty property = {.role = SKIPPED};
     char name[WORD];
     if (!header->element_count)
@@ -124,13 +125,13 @@ static void read_header_property(Source *source, Header *header)
     bool of_faces = !strcmp(element->name, "face"), of_vertices = !strcmp(element->name, "vertex");
     if (of_faces && property.is_list && (!strcmp(name, "vertex_indices") || !strcmp(name, "vertex_index")))
         property.role = CORNERS;
-    for (int i = 0; i < 6 && of_vertices && !property.is_list; i++)
+    for (int i = 0; i < CORNERS && of_vertices && !property.is_list; i++)
         if (!strcmp(name, coordinates[i]))
             property.role = (Role)i;
     if (property.role == CORNERS && (property.type >= FLOAT32 || property.length_type >= FLOAT32))
         fail(source, "\"%s\" must be a list of integers, its length too", name);
     for (int i = 0; i < element->property_count && property.role != SKIPPED; i++)
-        if (element->properties[i].role == property.role)
+        if (element->properties[i].role == property.role && (property.role < U || property.role == CORNERS))
             fail(source, "the property \"%s\" is given twice", name);
     element->properties[element->property_count++] = property;
 }
@@ -241,11 +242,15 @@ static void read_corners(Source *source, double length, const double corners[3],
 
 static void keep_number(Source *source, Role role, double value, int vertex, Mesh *mesh)
 {
-    if (!(fabs(value) <= (double)FLT_MAX))
+    if (!(fabs(value) <= (double)FLT_MAX) && role >= U)
+        value = (double)NAN;
+    else if (!(fabs(value) <= (double)FLT_MAX))
         fail(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value,
             (double)FLT_MAX);
     if (role <= Z)
         mesh->vertex[vertex][role] = value;
+    else if (role >= U)
+        mesh->uv[vertex][role - U] = (float)value;
     else if (mesh->normal)
         mesh->normal[vertex][role - NX] = value;
 }
@@ -271,8 +276,22 @@ static void read_one(Source *source, Format format, const Element *element, int 
     }
 }
 
+/* Texture coordinates are the first of the pairs that the vertices have, as in Mitsuba; others are skipped. */
+static bool choose_uv(Element *element, unsigned has)
+{
+    int pair = U;
+    while (pair < CORNERS && (has >> pair & 3) != 3)
+        pair += 2;
+    for (int i = 0; i < element->property_count; i++) {
+        Role *role = &element->properties[i].role;
+        if (*role >= U && *role < CORNERS)
+            *role = *role - pair == 0 ? U : *role - pair == 1 ? V : SKIPPED;
+    }
+    return pair < CORNERS;
+}
+
 /* Makes room for an element's numbers, once it is certain that the file can hold them. */
-static void make_room(Source *source, Format format, const Element *element, Mesh *mesh)
+static void make_room(Source *source, Format format, Element *element, Mesh *mesh)
 {
     unsigned has = 0;
     size_t count = (size_t)element->count;
@@ -289,6 +308,8 @@ static void make_room(Source *source, Format format, const Element *element, Mes
         mesh->vertex_count = element->count;
         if ((has >> NX & 7) == 7)
             mesh->normal = allocate(count, sizeof *mesh->normal);
+        if (choose_uv(element, has))
+            mesh->uv = allocate(count, sizeof *mesh->uv);
     } else if (!strcmp(element->name, "face") && !mesh->triangle) {
         if (!(has >> CORNERS & 1))
             die_at(source->file, element->line, "the faces need a list vertex_indices or vertex_index");
@@ -305,7 +326,7 @@ void ply_read(Source *source, Mesh *mesh)
     Header *header = allocate(1, sizeof *header);
     read_header(source, header);
     for (int e = 0; e < header->element_count; e++) {
-        const Element *element = &header->elements[e];
+        Element *element = &header->elements[e];
         make_room(source, header->format, element, mesh);
         if (header->format != ASCII) /* bytes have no lines: a message names the one that declares them */
             source->line = element->line;
