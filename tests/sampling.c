@@ -1,4 +1,4 @@
-/* The header functions over arrays, for tests/test_sampling.py and test_materials.py. Each entry takes n
+/* The header functions over arrays, for tests/test_sampling.py, test_materials.py and test_surfaces.py. Each entry takes n
    columns of numbers, in[row * n + i], and gives as many, out[row * n + i]; LANES of them go at a time. */
 #include "estimators/light.h"
 #include "prepare/prepare.h"
@@ -156,15 +156,18 @@ OVER_COLUMNS(conductor)
 extern void *scene_read(const char *file);
 void *scene_read(const char *file) { return description_read(file, NULL, 0, NULL); }
 extern void *scene_open(
-    const void *description, int estimator, int hemisphere, int choice, int points, int schlick);
-void *scene_open(const void *description, int estimator, int hemisphere, int choice, int points, int schlick)
+    const void *description, int estimator, int hemisphere, int choice, int points, int schlick, int uv);
+void *scene_open(
+    const void *description, int estimator, int hemisphere, int choice, int points, int schlick, int uv)
 {
     Technique technique = {.estimator = estimator,
         .hemisphere = hemisphere,
         .light_choice = choice,
         .light_points = points,
         .fresnel = schlick};
-    return prepare(description, &technique);
+    Features f = features_of(description, &technique);
+    f.has |= uv ? HAS_UV : 0;
+    return prepare(description, &technique, f);
 }
 extern void scene_close(void *scene, void *description);
 void scene_close(void *scene, void *description)
@@ -172,6 +175,8 @@ void scene_close(void *scene, void *description)
     release(scene);
     description_free(description);
 }
+extern int mesh_without_uv(const void *description);
+int mesh_without_uv(const void *description) { return ((const Description *)description)->shapes[0].as.mesh.without_uv; }
 extern int emitter_count(const void *scene);
 int emitter_count(const void *scene) { return ((const Scene *)scene)->emitters.count; }
 extern int light_slot(const void *scene, int light);
@@ -221,6 +226,23 @@ OVER_COLUMNS(scatter)
     put_light(b, 16, wi.factor);
     put_index(b, 19, f.has & HAS_BLEND ? choose_part(&scene->materials, &s, get(b, 9)) : s.row);
     put_mask(b, 20, hit.slot >= index_of(0));
+}
+
+/* ---- Surfaces, of a scene opened for (u, v): a ray (o, d) to (1 where one is met, p, u, v, dp/du, dp/dv). */
+OVER_COLUMNS(frame)
+{
+    Features f = scene->features;
+    Ray ray = {get_vec(b, 0), get_vec(b, 3), real(NUM_MAX), index_of(-1)};
+    Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
+    Mask front;
+    Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
+    SurfaceFrame at = surface_frame(&scene->shapes, s.slot, s.of, s.p, f);
+    put_mask(b, 0, hit.slot >= index_of(0));
+    put_vec(b, 1, s.p);
+    put(b, 4, at.u);
+    put(b, 5, at.v);
+    put_vec(b, 6, at.dp_du);
+    put_vec(b, 9, at.dp_dv);
 }
 
 /* ---- Lights. A receiver is (p, n, slot). */

@@ -21,6 +21,7 @@ PROGRAM |= {"stats"}
 """What is not needed here."""
 FLAGS = ["-std=c99", "-D_XOPEN_SOURCE=700", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS += ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Werror", "-O1", "-fPIC", "-shared"]
+FLAGS += ["-Wno-psabi"]  # lanes wider than any register of this processor are no argument of others
 
 # All statistical checks of a test file together raise a false alarm once in 10⁴ choices of its seeds (Šidák).
 FALSE_ALARMS, CHECKS = 1e-4, 160
@@ -37,7 +38,7 @@ ROWS = {
     **dict.fromkeys(("hemisphere_uniform", "hemisphere_cosine", "sphere", "cone", "densities"), 4),
     **dict.fromkeys(("square", "disk", "triangle"), 4),
     **{"dielectric": 3, "conductor": 1, "scatter": 21, "light_sample": 9, "light_hit": 4, "choose": 2},
-    **{"choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4, "vertices": 14},
+    **{"choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4, "vertices": 14, "frame": 12},
 }
 
 SCENE = """<scene version="3.0.0">
@@ -107,17 +108,23 @@ class Driver:
         choice: str = "uniform",
         points: str = "cone",
         schlick: bool = False,
+        uv: bool = False,
     ) -> Iterator[int]:
-        """A scene file, or one of these elements, prepared for a technique."""
+        """A scene file, or one of these elements, prepared for a technique; `uv`: as if for textures."""
         file = body
         if isinstance(body, str):
             file = self.folder / "scene.xml"
             file.write_text(SCENE.format(body))
-        way = (ESTIMATORS[estimator], HEMISPHERES[hemisphere], CHOICES[choice], POINTS[points], int(schlick))
+        way = (ESTIMATORS[estimator], HEMISPHERES[hemisphere], CHOICES[choice], POINTS[points])
         description = ctypes.c_void_p(self.library.scene_read(str(file).encode()))
-        opened = self.library.scene_open(description, *way)
+        opened = self.library.scene_open(description, *way, int(schlick), int(uv))
         yield opened
         self.library.scene_close(ctypes.c_void_p(opened), description)
+
+    def mesh_without_uv(self, file: Path) -> int:
+        """How many vertices of a file's first shape, a mesh, lack texture coordinates that others have."""
+        description = ctypes.c_void_p(self.library.scene_read(str(file).encode()))
+        return self.library.mesh_without_uv(description)
 
     def light_count(self, scene: int) -> int:
         return self.library.emitter_count(ctypes.c_void_p(scene))

@@ -57,7 +57,8 @@
     X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
     X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
     X(MANY_LIGHTS, many_lights, "light choice")                                                              \
-    X(HIDDEN, hidden, "hidden emitters")
+    X(HIDDEN, hidden, "hidden emitters")                                                                      \
+    X(UV, uv, "texture coordinates")
 
 /* VERTICES and PARTS, and the empty lists, are seams for what is to come: nothing of today sets them.
    What a technique does with it (technique.h). */

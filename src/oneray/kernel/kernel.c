@@ -72,7 +72,7 @@ static void learn(Scene *scene)
 
 static void *prepare_and_learn(const Description *description, const Technique *technique)
 {
-    Scene *scene = prepare(description, technique);
+    Scene *scene = prepare(description, technique, features_of(description, technique));
     if (scene->features.use & USE_LEARNED)
         learn(scene);
     return scene;

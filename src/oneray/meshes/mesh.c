@@ -5,19 +5,26 @@
 #include <stdlib.h>
 #include <string.h>
 
+bool find_text_number(Source *source, double *value)
+{
+    size_t length = strcspn(source->at, " \t\r\n");
+    if (!length || !is_number(source->at, length, value) || !(fabs(*value) <= (double)FLT_MAX))
+        return false;
+    source->at += length;
+    return true;
+}
+
 double read_text_number(Source *source, const char *of)
 {
     double value;
+    if (find_text_number(source, &value))
+        return value;
     size_t length = strcspn(source->at, " \t\r\n"), printable = 0;
     if (!length)
         fail(source, "the %s is missing: a number is wanted", of);
-    if (!is_number(source->at, length, &value) || !(fabs(value) <= (double)FLT_MAX)) {
-        while (printable < length && printable < 40 && isprint((unsigned char)source->at[printable]))
-            printable++;
-        fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)printable, source->at, of, (double)FLT_MAX);
-    }
-    source->at += length;
-    return value;
+    while (printable < length && printable < 40 && isprint((unsigned char)source->at[printable]))
+        printable++;
+    fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)printable, source->at, of, (double)FLT_MAX);
 }
 
 /* Normals go by the inverse transpose, whose columns are the cross products of the matrix's. */
@@ -78,11 +85,14 @@ static void leave_out_flat(Mesh *mesh, const char *file)
     mesh->triangle_count = kept;
 }
 
-static void reverse(int32_t corner[3])
+static void reverse(Mesh *mesh, int t)
 {
-    int32_t second = corner[1];
+    int32_t *corner = mesh->triangle[t], second = corner[1];
     corner[1] = corner[2];
     corner[2] = second;
+    if (!mesh->turned)
+        mesh->turned = allocate((size_t)mesh->triangle_count, sizeof *mesh->turned);
+    mesh->turned[t] ^= 1;
 }
 
 /* Where a triangle's vertex normals point to its other side, as after a mirroring, they decide. Mitsuba's
@@ -97,7 +107,7 @@ static void turn_to_normals(Mesh *mesh)
         for (int k = 0; k < 3; k++)
             along += dot(across, mesh->normal[mesh->triangle[t][k]]);
         if (along < 0)
-            reverse(mesh->triangle[t]);
+            reverse(mesh, t);
     }
 }
 
@@ -112,7 +122,7 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
     if (!face_normals && !mesh->normal)
         compute_normals(mesh);
     for (int t = 0; flip_normals && t < mesh->triangle_count; t++)
-        reverse(mesh->triangle[t]);
+        reverse(mesh, t);
     for (int v = 0; flip_normals && mesh->normal && v < mesh->vertex_count; v++)
         for (int i = 0; i < 3; i++)
             mesh->normal[v][i] = -mesh->normal[v][i];
@@ -120,30 +130,30 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
         turn_to_normals(mesh);
 }
 
-/* Room for `more` rows behind the first `count`, zeroed, and for one beyond, which kernels read along with the
-   last. */
-static void *grow(void *rows, int count, int more, size_t size)
+/* Puts `more` rows behind the first `count`, and one beyond, which kernels read along with the last. Rows that either
+   lacks are of this byte. */
+static void *join(void *rows, int count, const void *behind, int more, size_t size, int byte)
 {
-    char *grown = reallocate(rows, (size_t)count + (size_t)more + 1, size);
-    memset(grown + (size_t)count * size, 0, ((size_t)more + 1) * size);
-    return grown;
+    if (!rows && !behind)
+        return NULL;
+    char *joined = reallocate(rows, (size_t)count + (size_t)more + 1, size), *end = joined + (size_t)count * size;
+    memset(rows ? end : joined, byte, ((size_t)(rows ? 0 : count) + (size_t)more + 1) * size);
+    if (behind)
+        memcpy(end, behind, (size_t)more * size);
+    return joined;
 }
 
 void mesh_append(Mesh *all, Mesh *mesh)
 {
-    int v = all->vertex_count, t = all->triangle_count;
-    if (mesh->normal && !all->normal)
-        all->normal = allocate((size_t)v, sizeof *all->normal);
-    all->vertex = grow(all->vertex, v, mesh->vertex_count, sizeof *all->vertex);
-    all->triangle = grow(all->triangle, t, mesh->triangle_count, sizeof *all->triangle);
-    memcpy(all->vertex[v], mesh->vertex, (size_t)mesh->vertex_count * sizeof *all->vertex);
-    if (all->normal)
-        all->normal = grow(all->normal, v, mesh->vertex_count, sizeof *all->normal);
-    if (mesh->normal)
-        memcpy(all->normal[v], mesh->normal, (size_t)mesh->vertex_count * sizeof *all->normal);
+    int v = all->vertex_count, t = all->triangle_count, vertices = mesh->vertex_count, triangles = mesh->triangle_count;
+    all->vertex = join(all->vertex, v, mesh->vertex, vertices, sizeof *all->vertex, 0);
+    all->normal = join(all->normal, v, mesh->normal, vertices, sizeof *all->normal, 0);
+    all->uv = join(all->uv, v, mesh->uv, vertices, sizeof *all->uv, 0xff); /* nan */
+    all->triangle = join(all->triangle, t, mesh->triangle, triangles, sizeof *all->triangle, 0);
+    all->turned = join(all->turned, t, mesh->turned, triangles, sizeof *all->turned, 0);
     for (int i = 0; i < mesh->triangle_count; i++)
         for (int k = 0; k < 3; k++)
-            all->triangle[t + i][k] = v + mesh->triangle[i][k];
+            all->triangle[t + i][k] += v;
     all->vertex_count += mesh->vertex_count;
     all->triangle_count += mesh->triangle_count;
     mesh_free(mesh);
@@ -153,6 +163,8 @@ void mesh_free(Mesh *mesh)
 {
     free(mesh->vertex);
     free(mesh->normal);
+    free(mesh->uv);
     free(mesh->triangle);
+    free(mesh->turned);
     *mesh = (Mesh){0};
 }

@@ -10,7 +10,9 @@
 /* Triangles; for a smooth one, unit normals by vertex, else zeros, or NULL if no mesh of the scene has any. */
 typedef struct Mesh {
     double (*vertex)[3], (*normal)[3];
+    float (*uv)[2];         /* texture coordinates by vertex, nan where there are none, or NULL as for the normals */
     int32_t (*triangle)[3]; /* counter-clockwise as seen from the side of the normal */
+    int32_t *turned;        /* by triangle: its last two corners have changed places since the file; NULL: none has */
     int vertex_count, triangle_count;
 } Mesh;
 
@@ -27,7 +29,10 @@ enum { MESH_MOST = 1 << 28 }; /* vertices, or triangles, of a scene: thrice that
 void ply_read(Source *source, Mesh *mesh);
 void obj_read(Source *source, Mesh *mesh);
 
-/* A number of plain text, which ends at a blank; what is it of? Neither nan, inf nor hexadecimal. */
+/* A number of plain text, which ends at a blank: neither nan, inf nor hexadecimal. Else false, and nothing is read. */
+bool find_text_number(Source *source, double *value);
+
+/* The same, or the end: what is it of? */
 double read_text_number(Source *source, const char *of);
 
 /* The edges from corner k of a triangle to the next two, and their cross product; from corner 0, along the normal. */

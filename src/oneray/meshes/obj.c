@@ -1,4 +1,4 @@
-/* OBJ files (Wavefront): v, vn and f; every other statement is ignored. */
+/* OBJ files (Wavefront): v, vt, vn and f; every other statement is ignored. */
 #include "meshes/mesh.h"
 
 #include <stdlib.h>
@@ -13,6 +13,8 @@ typedef struct {
 
 typedef struct {
     double (*points)[3], (*normals)[3];
+    float (*textures)[2];
+    bool is_textured; /* a corner has a texture coordinate */
     int point_count, normal_count, texture_count;
     Corner *corners; /* by vertex */
     int *first;      /* by point: a vertex there, or -1 */
@@ -29,6 +31,16 @@ static void read_triple(Source *source, const char *of, double triple[3])
     for (int i = 0; i < 3; i++) {
         skip_spaces(source);
         triple[i] = read_text_number(source, of);
+    }
+}
+
+/* Two numbers, or nan where there is none: an error to who wants them, and only then. */
+static void read_texture(Source *source, float uv[2])
+{
+    for (int i = 0; i < 2; i++) {
+        double value;
+        skip_spaces(source);
+        uv[i] = find_text_number(source, &value) ? (float)value : NAN;
     }
 }
 
@@ -67,6 +79,7 @@ static int vertex_of(Obj *obj, const int key[3])
             return *link;
     int vertex = *link = obj->corner_count;
     PUSH(obj->corners, obj->corner_count, ((Corner){{key[0], key[1], key[2]}, -1}));
+    obj->is_textured |= key[1] > 0;
     return vertex;
 }
 
@@ -110,7 +123,8 @@ static void read_statement(Source *source, Obj *obj, Mesh *mesh)
         if (normal[0] == 0 && normal[1] == 0 && normal[2] == 0)
             fail(source, "a normal must not be 0");
     } else if (length == 2 && !strncmp(word, "vt", 2)) {
-        obj->texture_count++;
+        obj->textures = room_for(obj->textures, obj->texture_count, sizeof *obj->textures);
+        read_texture(source, obj->textures[obj->texture_count++]);
     } else if (length == 1 && *word == 'f') {
         read_face(source, obj, mesh);
     }
@@ -137,13 +151,18 @@ void obj_read(Source *source, Mesh *mesh)
     mesh->vertex = allocate((size_t)obj.corner_count, sizeof *mesh->vertex);
     if (with_normal)
         mesh->normal = allocate((size_t)obj.corner_count, sizeof *mesh->normal);
+    if (obj.is_textured)
+        mesh->uv = allocate((size_t)obj.corner_count, sizeof *mesh->uv);
     for (int v = 0; v < obj.corner_count; v++) {
         const int *key = obj.corners[v].key;
         memcpy(mesh->vertex[v], obj.points[key[0] - 1], sizeof *mesh->vertex);
         if (with_normal)
             memcpy(mesh->normal[v], obj.normals[key[2] - 1], sizeof *mesh->normal);
+        for (int i = 0; mesh->uv && i < 2; i++)
+            mesh->uv[v][i] = key[1] ? obj.textures[key[1] - 1][i] : NAN;
     }
     free(obj.points);
+    free(obj.textures);
     free(obj.normals);
     free(obj.corners);
     free(obj.first);

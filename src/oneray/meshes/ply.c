@@ -8,9 +8,9 @@
 
 typedef enum { ASCII, LITTLE, BIG } Format;
 typedef enum { INT8, UINT8, INT16, UINT16, INT32, UINT32, FLOAT32, FLOAT64, TYPES } Type;
-typedef enum { SKIPPED = -1, X, Y, Z, NX, NY, NZ, CORNERS } Role;
+typedef enum { SKIPPED = -1, X, Y, Z, NX, NY, NZ, U, V, U_2, V_2, U_3, V_3, CORNERS } Role;
 
-static const char FORMATS[] = "ascii, binary_little_endian, binary_big_endian", COORDINATES[] = "x, y, z, nx, ny, nz";
+static const char FORMATS[] = "ascii, binary_little_endian, binary_big_endian", COORDINATES[] = "x, y, z, nx, ny, nz, u, v, texture_u, texture_v, s, t";
 static const struct {
     const char *name, *other;
     size_t bytes;
@@ -127,7 +127,7 @@ static void read_header_property(Source *source, Header *header)
     if (property.role == CORNERS && (property.type >= FLOAT32 || property.length_type >= FLOAT32))
         fail(source, "\"%s\" must be a list of integers, its length too", name);
     for (int i = 0; i < element->property_count && property.role != SKIPPED; i++)
-        if (element->properties[i].role == property.role)
+        if (element->properties[i].role == property.role && (property.role < U || property.role == CORNERS))
             fail(source, "the property \"%s\" is given twice", name);
     element->properties[element->property_count++] = property;
 }
@@ -215,11 +215,15 @@ static void read_corners(Source *source, double length, const double corners[3],
 
 static void keep_number(Source *source, Role role, double value, int vertex, Mesh *mesh)
 {
-    if (!(fabs(value) <= (double)FLT_MAX))
+    if (!(fabs(value) <= (double)FLT_MAX) && role >= U)
+        value = (double)NAN;
+    else if (!(fabs(value) <= (double)FLT_MAX))
         fail(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value,
             (double)FLT_MAX);
     if (role <= Z)
         mesh->vertex[vertex][role] = value;
+    else if (role >= U)
+        mesh->uv[vertex][role - U] = (float)value;
     else if (mesh->normal)
         mesh->normal[vertex][role - NX] = value;
 }
@@ -245,8 +249,22 @@ static void read_one(Source *source, Format format, const Element *element, int 
     }
 }
 
+/* Texture coordinates are the first of the pairs that the vertices have, as in Mitsuba; others are skipped. */
+static bool choose_uv(Element *element, unsigned has)
+{
+    int pair = U;
+    while (pair < CORNERS && (has >> pair & 3) != 3)
+        pair += 2;
+    for (int i = 0; i < element->property_count; i++) {
+        Role *role = &element->properties[i].role;
+        if (*role >= U && *role < CORNERS)
+            *role = *role - pair == 0 ? U : *role - pair == 1 ? V : SKIPPED;
+    }
+    return pair < CORNERS;
+}
+
 /* Makes room for an element's numbers, once it is certain that the file can hold them. */
-static void make_room(Source *source, Format format, const Element *element, Mesh *mesh)
+static void make_room(Source *source, Format format, Element *element, Mesh *mesh)
 {
     const Place at = {source->file, element->line};
     unsigned has = 0;
@@ -265,6 +283,8 @@ static void make_room(Source *source, Format format, const Element *element, Mes
         mesh->vertex_count = element->count;
         if ((has >> NX & 7) == 7)
             mesh->normal = allocate(count, sizeof *mesh->normal);
+        if (choose_uv(element, has))
+            mesh->uv = allocate(count, sizeof *mesh->uv);
     } else if (!strcmp(element->name, "face") && !mesh->triangle) {
         if (!(has >> CORNERS & 1))
             fail(&at, "the faces need a list vertex_indices or vertex_index");
@@ -281,7 +301,7 @@ void ply_read(Source *source, Mesh *mesh)
     Header *header = allocate(1, sizeof *header);
     read_header(source, header);
     for (int e = 0; e < header->element_count; e++) {
-        const Element *element = &header->elements[e];
+        Element *element = &header->elements[e];
         make_room(source, header->format, element, mesh);
         if (header->format != ASCII) /* bytes have no lines: a message names the one that declares them */
             source->line = element->line;

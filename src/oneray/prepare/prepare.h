@@ -95,11 +95,11 @@ static Features features_of(const Description *d, const Technique *technique)
     return f;
 }
 
-static void *prepare(const Description *d, const Technique *technique)
+static void *prepare(const Description *d, const Technique *technique, Features features)
 {
     Scene *scene = allocate(1, sizeof *scene);
     int *first_slot = allocate((size_t)d->shape_count, sizeof *first_slot);
-    scene->features = features_of(d, technique);
+    scene->features = features;
     prepare_shapes(scene, d, first_slot);
     prepare_materials(scene, d, first_slot);
     prepare_emitters(scene, d, technique, first_slot);

@@ -82,6 +82,18 @@ static void set_anchors(Shapes *s, const Shape *shape, int slot)
 #undef X
 }
 
+/* What (u, v) takes: between the world and the shape's own space. */
+static void set_places(Shapes *s, const Shape *shape, int slot)
+{
+    const Affine *to_world = &shape->as.placed.to_world;
+    Local own = local_of(to_world);
+    for (int k = slot; k < slot + slots_of(shape->kind); k++) {
+        memcpy(s->place[k], own.row, sizeof own.row);
+        for (int i = 0; i < 12; i++)
+            s->place[k][3 + i / 4][i % 4] = (Num)to_world->m[i / 4][i % 4];
+    }
+}
+
 static void count_shapes(Shapes *s, const Description *d)
 {
     for (int i = 0; i < d->shape_count; i++)
@@ -163,6 +175,8 @@ static void place_shapes(Scene *scene, const Description *d, int *first_slot)
         set_shape_row(s->rows[kind], place, shape);
         first_slot[i] = s->first[kind] + place * slots_of(kind);
         set_anchors(s, shape, first_slot[i]);
+        if (scene->features.has & HAS_UV)
+            set_places(s, shape, first_slot[i]);
     }
     free(bounds);
     for (int axis = 0; axis < 3; axis++)
@@ -180,6 +194,8 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
         s->rows[kind] = keep(scene, (size_t)s->count[kind], row_size((ShapeKind)kind));
     s->anchor = keep(scene, (size_t)s->slot_count, sizeof *s->anchor);
     s->shines = keep(scene, (size_t)s->slot_count, sizeof *s->shines);
+    if (scene->features.has & HAS_UV)
+        s->place = keep(scene, (size_t)s->slot_count, sizeof *s->place);
     place_shapes(scene, d, first_slot);
     prepare_triangles(scene, d, first_slot);
     if (scene->features.has & HAS_TREE)

@@ -156,6 +156,8 @@ static void prepare_triangles(Scene *scene, const Description *d, const int *fir
     triangles->vertex = numbers_of(scene, d->mesh.vertex, vertices);
     if (d->mesh.normal)
         triangles->normal = numbers_of(scene, d->mesh.normal, vertices);
+    triangles->uv = (const float(*)[2])d->mesh.uv;
+    triangles->turned = d->mesh.turned;
     triangles->first_slot = scene->shapes.slot_count;
     prepare_triangle_tree(scene, d->mesh.triangle_count);
 }

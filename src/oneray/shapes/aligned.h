@@ -3,7 +3,7 @@
 
 #ifdef LANES
 
-#include "shapes/shape.h"
+#include "shapes/rectangle.h"
 
 /* Sides along u = axis+1 and v = axis+2 (mod 3), in the plane p[axis] = plane. The axis is a constant in what follows. */
 typedef struct aligned_row {
@@ -34,5 +34,7 @@ INLINE Mask aligned_meets(const AlignedRow *a, const Ray *ray, int axis, Real in
     Real y = along(ray->o, v) + *t * along(ray->d, v) - real(a->center_v);
     return (real_abs(x) <= real(a->half_u)) & (real_abs(y) <= real(a->half_v)) & (*t > real(0));
 }
+
+INLINE SurfaceFrame aligned_uv(Vec at, Index nth) { return rectangle_uv(at, nth); }
 
 #endif

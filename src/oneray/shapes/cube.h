@@ -73,4 +73,14 @@ INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, I
     return stretch_blocks(s, ray, on, (aim >= 0) & (aim < 6));
 }
 
+/* Where u and v grow, two rows a face, and one more that is read along with the last. */
+static const Num cube_axes[13][3] = {{0, 1, 0}, {0, 0, -1}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, 0, -1}, {0, 0, 1},
+    {1, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, -1, 0}, {1, 0, 0}};
+
+INLINE SurfaceFrame cube_uv(Vec at, Index nth)
+{
+    Index face = nth % 6;
+    return frame_of_square(vec_gather(cube_axes, face * 2), vec_gather(cube_axes, face * 2 + 1), at);
+}
+
 #endif

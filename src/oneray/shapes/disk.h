@@ -38,4 +38,14 @@ INLINE Crossing disk_cross(const Shapes *shapes, int i, const Ray *ray, Mask *wi
 /* A point of the unit disk, uniform by area. */
 INLINE void disk_sample(Real u, Real v, Real *x, Real *y) { sample_disk(u, v, x, y); }
 
+/* Polar: u is the radius, v the angle in turns. In the middle p does not move with either. */
+INLINE SurfaceFrame disk_uv(Vec at, Index nth)
+{
+    (void)nth;
+    Real radius = real_sqrt(at.x * at.x + at.y * at.y), two_pi = real(2) * REAL_PI;
+    Real inverse = real(1) / select(radius == real(0), real(1), radius);
+    return (SurfaceFrame){radius, turn_of(at.x, at.y), vec(at.x * inverse, at.y * inverse, real(0)),
+        vec(-two_pi * at.y, two_pi * at.x, real(0))};
+}
+
 #endif

@@ -343,3 +343,35 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
         *face = vec_select(flat, plane, *face);
     }
 }
+
+INLINE Real row_dot(const Real row[4], Vec a) { return row[0] * a.x + row[1] * a.y + row[2] * a.z; }
+INLINE Vec rows_dot(Real rows[3][4], Vec a)
+{
+    return vec(row_dot(rows[0], a), row_dot(rows[1], a), row_dot(rows[2], a));
+}
+
+/* HAS_UV: the frame at a point p of a slot's surface. */
+STAGE SurfaceFrame surface_frame(const Shapes *shapes, Index slot, Index row, Vec p, Features f)
+{
+    SurfaceFrame frame = {p.x, p.y, p, p};
+    Real place[6][4];
+    for (int k = 0; k < 6; k++)
+        gather_four(shapes->place[0][k], row * 24, place[k]);
+    Vec at = vec_add(rows_dot(place, p), vec(place[0][3], place[1][3], place[2][3]));
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME) {                                                                                \
+        Index nth = row - shapes->first[SHAPE_##NAME];                                                       \
+        Mask is = (nth >= 0) & (row < index_of(shapes->first[SHAPE_##NAME + 1]));                            \
+        frame = frame_select(is, name##_uv(at, index_select(is, nth, index_of(0))), frame);                  \
+    }
+    ALIGNED_SHAPES(X) FLAT_SHAPES(X) SOLID_SHAPES(X)
+#undef X
+    frame.dp_du = rows_dot(place + 3, frame.dp_du);
+    frame.dp_dv = rows_dot(place + 3, frame.dp_dv);
+    if (f.has & HAS_MESH) {
+        Index i = slot - shapes->triangles.first_slot;
+        Mask flat = i >= 0;
+        frame = frame_select(flat, triangle_uv(&shapes->triangles, index_select(flat, i, index_of(0)), p), frame);
+    }
+    return frame;
+}

@@ -9,11 +9,12 @@
 /* Once it is checked, its triangles are among those of the scene, and the fields are done with. */
 typedef struct mesh {
     Placed placed;
-    bool face_normals;
+    bool face_normals, flip_tex_coords;
     File filename;
     const Mesh *all;
     int first_triangle, triangle_count;
     bool smooth; /* it has vertex normals */
+    int without_uv; /* vertices without texture coordinates, though others have some: an error where they are wanted */
     Extent extent;
 } MeshShape;
 
@@ -64,7 +65,8 @@ static inline void mesh_check(void *plugin, Said *said)
     const char *file = s->filename.name, *bytes = s->filename.bytes;
     Mesh mesh = {0}, *all = said->triangles;
     Source source = {file, bytes, bytes + s->filename.size, 1};
-    if (strcmp(said->type, "ply") == 0)
+    bool is_ply = strcmp(said->type, "ply") == 0;
+    if (is_ply)
         ply_read(&source, &mesh);
     else
         obj_read(&source, &mesh);
@@ -79,19 +81,26 @@ static inline void mesh_check(void *plugin, Said *said)
     s->first_triangle = all->triangle_count;
     s->triangle_count = mesh.triangle_count;
     s->smooth = mesh.normal != NULL;
+    bool flip = given(said, "flip_tex_coords") ? s->flip_tex_coords : !is_ply;
+    for (int v = 0; mesh.uv && v < mesh.vertex_count; v++) {
+        s->without_uv += isnan(mesh.uv[v][0]) || isnan(mesh.uv[v][1]);
+        mesh.uv[v][1] = flip ? 1 - mesh.uv[v][1] : mesh.uv[v][1];
+    }
     mesh_append(all, &mesh);
     s->extent = mesh_measure(s);
 }
 static const Plugin mesh_plugin = {"ply, obj", mesh_check, {
     {"filename", AS_FILE, offsetof(MeshShape, filename), NULL, NULL},
     PLACED_FIELDS,
-    {"face_normals", AS_BOOLEAN, offsetof(MeshShape, face_normals), NULL, "false"}}};
+    {"face_normals", AS_BOOLEAN, offsetof(MeshShape, face_normals), NULL, "false"},
+    {"flip_tex_coords", AS_BOOLEAN, offsetof(MeshShape, flip_tex_coords), NULL, ""} /* else an OBJ's are */}};
 
 enum { mesh_planes = 0 };
 
 /* What a ray meets among the triangles. */
 #ifdef LANES
 
+#include "shapes/frame.h"
 #include "trees/tree.h"
 
 /* Up to eight triangles side by side. Of the places left empty all corners are one point, which no ray
@@ -107,6 +116,8 @@ typedef struct {
     const int32_t (*corner)[3]; /* by triangle: its vertices, counter-clockwise around the normal */
     const int32_t *row;         /* by triangle: its mesh's row in the tables by slot */
     const Num (*vertex)[3], (*normal)[3];
+    const float (*uv)[2];       /* as Mesh has it */
+    const int32_t *turned;
     int first_slot;             /* triangle i has the slot first_slot + i */
 } Triangles;
 
@@ -208,16 +219,32 @@ INLINE Index gather_int32(const int32_t *table, Index i)
     return a;
 }
 
+/* Barycentric coordinates of a point of the plane, seen from the corner that the edges a, b leave. */
+INLINE void barycentric(Vec a, Vec b, Vec face, Vec at, Real share[3])
+{
+    Real scale = real(1) / real_max(largest(a), largest(b));
+    a = vec_scale(a, scale), b = vec_scale(b, scale), at = vec_scale(at, scale);
+    Real whole = real(1) / vec_dot(face, vec_cross(a, b));
+    share[1] = vec_dot(face, vec_cross(at, b)) * whole;
+    share[2] = vec_dot(face, vec_cross(a, at)) * whole;
+    share[0] = real(1) - share[1] - share[2];
+}
+
+INLINE void corners_of(const Triangles *triangles, Index i, Index corner[3], Vec vertex[3])
+{
+    for (int c = 0; c < 3; c++) {
+        corner[c] = gather_int32(&triangles->corner[0][c], i * 3);
+        vertex[c] = vec_gather(triangles->vertex, corner[c]);
+    }
+}
+
 /* Puts p onto the triangle's plane. Gives the normal of the plane, and the interpolated one that light is
    reflected by: Mitsuba's, the mean of the vertices' by barycentric coordinates. */
 STAGE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec *p, Vec *n, Vec *face)
 {
     Index corner[3];
     Vec vertex[3];
-    for (int c = 0; c < 3; c++) {
-        corner[c] = gather_int32(&triangles->corner[0][c], i * 3);
-        vertex[c] = vec_gather(triangles->vertex, corner[c]);
-    }
+    corners_of(triangles, i, corner, vertex);
     Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]);
     *n = *face = normal_of_edges(a, b);
     Vec at = vec_sub(*p, vertex[0]);
@@ -225,16 +252,54 @@ STAGE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec
     *p = vec_sub(*p, off_plane);
     if (!smooth)
         return;
-    Real scale = real(1) / real_max(largest(a), largest(b));
-    a = vec_scale(a, scale), b = vec_scale(b, scale);
-    at = vec_scale(vec_sub(at, off_plane), scale);
-    Real whole = real(1) / vec_dot(*face, vec_cross(a, b));
-    Real second = vec_dot(*face, vec_cross(at, b)) * whole, third = vec_dot(*face, vec_cross(a, at)) * whole;
-    const Real share[3] = {real(1) - second - third, second, third};
+    Real share[3];
+    barycentric(a, b, *face, vec_sub(at, off_plane), share);
     Vec mean = vec_all(real(0));
     for (int c = 0; c < 3; c++)
         mean = vec_add(mean, vec_scale(vec_gather(triangles->normal, corner[c]), share[c]));
     *n = vec_select(vec_dot(mean, mean) > real(0), vec_normalize(mean), *face);
+}
+
+/* Texture coordinates of the corners. Those of a mesh without are, in its file's order, (0, 0), (1, 0), (0, 1). */
+INLINE void uv_of_corners(const Triangles *triangles, const Index corner[3], Mask turned, Real u[3], Real v[3])
+{
+    u[0] = v[0] = real(0);
+    u[1] = v[2] = select(turned, real(0), real(1));
+    u[2] = v[1] = real(1) - u[1];
+    for (int lane = 0; triangles->uv && lane < LANES; lane++) {
+        const float *at[3];
+        for (int c = 0; c < 3; c++)
+            at[c] = triangles->uv[LANE(corner[c], lane)];
+        if (isnan(at[0][0] + at[0][1] + at[1][0] + at[1][1] + at[2][0] + at[2][1]))
+            continue;
+        for (int c = 0; c < 3; c++) {
+            LANE(u[c], lane) = (Num)at[c][0];
+            LANE(v[c], lane) = (Num)at[c][1];
+        }
+    }
+}
+
+/* p = p0 + s1 a + s2 b and (u, v) = (u0, v0) + s1 (u1, v1) + s2 (u2, v2), solved for dp: Pharr, Jakob, Humphreys,
+   Physically Based Rendering, 4th edition, 6.5.2. Where the texture's triangle has no area the tangents are any:
+   Mitsuba's, about the normal by the file's order. */
+STAGE SurfaceFrame triangle_uv(const Triangles *triangles, Index i, Vec p)
+{
+    Index corner[3];
+    Vec vertex[3];
+    corners_of(triangles, i, corner, vertex);
+    Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]), face = normal_of_edges(a, b);
+    Mask turned = triangles->turned ? gather_int32(triangles->turned, i) != 0 : mask_none();
+    Real s[3], u[3], v[3];
+    Vec any_du, any_dv;
+    vec_frame(vec_select(turned, vec_neg(face), face), &any_du, &any_dv);
+    barycentric(a, b, face, vec_sub(p, vertex[0]), s);
+    uv_of_corners(triangles, corner, turned, u, v);
+    Real u1 = u[1] - u[0], u2 = u[2] - u[0], v1 = v[1] - v[0], v2 = v[2] - v[0], area = u1 * v2 - u2 * v1;
+    Vec dp_du = vec_scale(vec_sub(vec_scale(a, v2), vec_scale(b, v1)), real(1) / area);
+    Vec dp_dv = vec_scale(vec_sub(vec_scale(b, u1), vec_scale(a, u2)), real(1) / area);
+    Mask flat = area == real(0);
+    return (SurfaceFrame){u[0] + s[1] * u1 + s[2] * u2, v[0] + s[1] * v1 + s[2] * v2,
+        vec_select(flat, any_du, dp_du), vec_select(flat, any_dv, dp_dv)};
 }
 
 #endif

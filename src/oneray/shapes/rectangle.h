@@ -32,4 +32,11 @@ INLINE Crossing rectangle_cross(const Shapes *shapes, int i, const Ray *ray, Mas
 /* A point of the square [-1,1]², uniform by area. */
 INLINE void rectangle_sample(Real u, Real v, Real *x, Real *y) { sample_square(u, v, x, y); }
 
+/* u = (x + 1)/2, v = (y + 1)/2. */
+INLINE SurfaceFrame rectangle_uv(Vec at, Index nth)
+{
+    (void)nth;
+    return frame_of_square(vec(real(1), real(0), real(0)), vec(real(0), real(1), real(0)), at);
+}
+
 #endif

@@ -12,6 +12,7 @@
      name_planes          how many slots it has, if they are flat; else 0
      NameRow, name_row    its numbers as a kernel has them, and how they come about
      name_sample          a uniform point of it, by area (a cube shines as six rectangles)
+     name_uv              the frame at a point of it, all in its own space: of which slot, counted from the kind's first
    and for FLAT_SHAPES
      name_cross           where a ray crosses its plane, and whether within it
    for SOLID_SHAPES
@@ -23,6 +24,7 @@
 #pragma once
 
 #include "lanes/sample.h"
+#include "shapes/frame.h"
 #include "shapes/mesh.h"
 #include "shapes/placed.h"
 
@@ -52,6 +54,7 @@ typedef struct {
     Num (*anchor)[4]; /* by slot: the unit normal n of a flat primitive and n·p of its plane; the center of a
                          sphere and its radius, negative if flip_normals */
     Int *shines;      /* by slot: is there an area light, even one of no power? */
+    Num (*place)[6][4]; /* HAS_UV, by slot: the rows from the world to its own space, and back */
 } Shapes;
 
 /* The rows that take the world to the unit shape: with columns a, b, c of the matrix, row 0 is b×c / (a·b×c). */

@@ -3,13 +3,13 @@
 
 #include "shapes/placed.h"
 
-/* Once it is checked, center and radius are the world's, and to_world is done with. */
+/* Once it is checked, center and radius are the world's, and to_world takes the unit sphere there. */
 typedef struct sphere {
     Placed placed;
     double center[3], radius;
 } Sphere;
 
-/* A mirrored sphere is turned inside out, as in Mitsuba; apart from that neither a mirroring nor a rotation shows. */
+/* A mirrored sphere is turned inside out, as in Mitsuba; a mirroring or a rotation shows by (u, v) besides. */
 static inline void sphere_check(void *plugin, Said *said)
 {
     Sphere *s = plugin;
@@ -21,6 +21,7 @@ static inline void sphere_check(void *plugin, Said *said)
         s->placed.flip_normals = !s->placed.flip_normals;
     Affine at = affine_multiply(*to_world, affine_translate(s->center[0], s->center[1], s->center[2]));
     column(&at, 3, s->center);
+    s->placed.to_world = affine_multiply(at, affine_scale(s->radius, s->radius, s->radius));
     s->radius *= scale;
     if (!(s->radius > 0))
         said->left_out = "this sphere has no size and is left out";
@@ -112,6 +113,19 @@ INLINE void sphere_sample(Vec center, Real radius, Real u, Real v, Vec *point, V
 {
     *normal = vec_scale(sample_sphere(u, v), flip_sign(real(1), radius));
     *point = vec_add(center, vec_scale(*normal, radius));
+}
+
+/* Spherical coordinates of its own space: u is the angle around z in turns, v the one from +z in half turns. At the
+   poles p does not move with u; where it moves with v is a convention, Mitsuba's. */
+INLINE SurfaceFrame sphere_uv(Vec at, Index nth)
+{
+    (void)nth;
+    Real rho = real_sqrt(at.x * at.x + at.y * at.y), two_pi = real(2) * REAL_PI;
+    Mask pole = rho == real(0);
+    Real slope = at.z / select(pole, real(1), rho);
+    Vec down = vec_select(pole, vec(real(1), real(0), real(0)), vec(slope * at.x, slope * at.y, -rho));
+    return (SurfaceFrame){turn_of(at.x, at.y), REAL_INV_PI * angle_of(rho, at.z),
+        vec(-two_pi * at.y, two_pi * at.x, real(0)), vec_scale(down, REAL_PI)};
 }
 
 #endif
