@@ -248,7 +248,7 @@ OVER_COLUMNS(frame)
 /* ---- Lights. A receiver is (p, n, slot). */
 INLINE Receiver get_receiver(const Block *b)
 {
-    return (Receiver){get_vec(b, 0), get_vec(b, 3), get_index(b, 6)};
+    return (Receiver){get_vec(b, 0), get_vec(b, 3), get_index(b, 6), mask_none()};
 }
 
 /* A receiver, a light and (u, v) to (wi, distance, weight, 1/pdf_w, slot). */
