@@ -54,7 +54,7 @@ def test_every_patch_applies() -> None:
 def test_a_patch_that_does_not_apply_is_told(tmp_path: Path) -> None:
     patch = tmp_path / "old.patch"
     text = CATALOGUE["nee-no-cosine"].patch.read_text()
-    patch.write_text(text.replace("-    Vec light", "-    Vec lights"))
+    patch.write_text(text.replace("-    Light light", "-    Light lights"))
     with pytest.raises(PatchError, match=r"old\.patch no longer applies"):
         mutants.build(mutants.read(patch), tmp_path / "copy")
     patch.write_text(text.replace("Symptom: ", "Symptoms: "))
