@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import mutate_harness
 import numpy as np
 import size
 
@@ -35,6 +36,10 @@ def _prices(scenes: Sequence[str]) -> str:
 
 def _calibration(words: Sequence[str]) -> str:
     return table.markdown(json.loads((REFERENCES / "calibration.json").read_text(encoding="utf-8")))
+
+
+def _harness(words: Sequence[str]) -> str:
+    return mutate_harness.sentence(json.loads(mutate_harness.RESULT.read_text(encoding="utf-8")))
 
 
 def _stability(words: Sequence[str]) -> str:
@@ -87,6 +92,7 @@ def _named(case: Mapping[str, Any]) -> str:
 
 TABLES: dict[str, Callable[[Sequence[str]], str]] = {
     "calibration": _calibration,
+    "harness": _harness,
     "prices": _prices,
     "stability": _stability,
     "benchmark": _benchmark,

@@ -101,11 +101,6 @@ class TestTwoSets:
         assert np.mean(st.two_set_p(one, two, allowance) <= 1e-3) < 2e-3
 
 
-def test_holm():
-    np.testing.assert_allclose(st.holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02])
-    assert st.holm(np.array([])).size == 0
-
-
 @pytest.mark.parametrize("skewness", [0.0, 0.4])
 @pytest.mark.parametrize("correlation", [0.0, 0.1, 0.6])
 def test_omnibus_false_alarms(skewness, correlation):

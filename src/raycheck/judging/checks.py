@@ -283,11 +283,12 @@ def _encoded(
     before = _mismatch(
         images.mean(axis=0), reference, tiles, yardstick, _noise(images, tiles) + reference_noise
     )
+    found = {}
     for name, decoded in (("sRGB-encoded", decode_srgb(images)), ("gamma-encoded (2.2)", images**2.2)):
         noise = _noise(decoded, tiles) + reference_noise
-        if explains(_mismatch(decoded.mean(axis=0), reference, tiles, yardstick, noise), before):
-            return f"the values are {name}, linear radiance is needed"
-    return None
+        found[name] = _mismatch(decoded.mean(axis=0), reference, tiles, yardstick, noise)
+    nearer = min(found, key=found.__getitem__)
+    return f"the values are {nearer}, linear radiance is needed" if explains(found[nearer], before) else None
 
 
 class Broken(Exception):

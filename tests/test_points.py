@@ -1,0 +1,120 @@
+"""What a task earns, point by point, and how the noise behind it is measured."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raycheck.grading import noise, points
+from raycheck.grading.assignment import REVIEW, Assignment, Task
+from raycheck.grading.results import SceneResult, TaskResult
+from raycheck.scene.variants import Variant
+from raycheck.stats.verdict import Outcome
+
+RIGHT, WRONG, OPEN = Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE
+AS_NOISY = {"ratio": 1.0, "low": 0.9, "high": 1.1, "seconds": 0.1}
+
+
+def ratio(low: float, high: float) -> dict[str, float]:
+    return {"ratio": (low * high) ** 0.5, "low": low, "high": high, "seconds": 0.1}
+
+
+def scene(verdict: Outcome, of_noise: dict | None = None, of_speed: dict | None = None) -> SceneResult:
+    return SceneResult("point-light", False, verdict, "", noise=of_noise, speed=of_speed)
+
+
+def earned(
+    *scenes: SceneResult, inconclusive: str | float = REVIEW, executed: bool = True, **settings: float
+) -> TaskResult:
+    """Of a task of 12 points, with 2 for noise and 1 for speed where they are asked for."""
+    task = Task("a", ("point-light",), 12, hint="Divide by d².", technique="nee", **settings)
+    asked = Assignment(Path("a.toml"), "a", (task,), inconclusive=inconclusive)
+    return points.earned(asked, task, list(scenes), executed)
+
+
+def sure_and_open(found: TaskResult) -> tuple[float, float]:
+    return found.points, found.pending
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "verdict", "sure", "waits"),
+    [((RIGHT, RIGHT, RIGHT), RIGHT, 12, 0), ((RIGHT, WRONG, OPEN), WRONG, 4, 4),
+     ((OPEN, RIGHT, RIGHT), OPEN, 8, 4), ((WRONG, WRONG, WRONG), WRONG, 0, 0)],
+)  # fmt: skip
+def test_scenes_share_the_points(verdicts, verdict: Outcome, sure: float, waits: float) -> None:
+    """A FAIL decides what the task is called, and earns nothing; only the right need no hint."""
+    found = earned(*map(scene, verdicts))
+    assert (found.verdict, *sure_and_open(found)) == (verdict, sure, waits)
+    assert bool(found.hint) == (verdict is not RIGHT)
+
+
+def test_open_points_wait_or_count_for_a_share() -> None:
+    assert sure_and_open(earned(scene(RIGHT), scene(OPEN))) == (6, 6)
+    assert sure_and_open(earned(scene(RIGHT), scene(OPEN), inconclusive=0.25)) == (7.5, 0)
+
+
+def test_points_for_noise_and_speed_need_a_program_without_a_fail() -> None:
+    asked = {"noise_points": 2, "speed_points": 1}
+    right, wrong = (scene(verdict, AS_NOISY, AS_NOISY) for verdict in (RIGHT, WRONG))
+    assert sure_and_open(earned(right, **asked)) == (15, 0)
+    assert sure_and_open(earned(right, executed=False, **asked)) == (12, 0)
+    assert sure_and_open(earned(right, wrong, **asked)) == (6, 0)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "found", "sure", "waits"),
+    [
+        (RIGHT, ratio(1.5, 2.5), 14, 0),  # may be within the limit of 2
+        (RIGHT, ratio(1.9, 3.0), 14, 0),
+        (RIGHT, ratio(2.0, 3.0), 14, 0),
+        (RIGHT, ratio(2.1, 3.0), 12, 0),  # surely is not
+        (RIGHT, ratio(0.3, 0.6), 14, 0),  # may be as noisy as half
+        (RIGHT, ratio(0.3, 0.45), 12, 2),  # surely is calmer
+        (RIGHT, None, 12, 0),  # nothing varies
+        (OPEN, None, 0, 14),
+        (OPEN, AS_NOISY, 0, 14),
+        (OPEN, ratio(2.1, 3.0), 0, 12),
+    ],
+)
+def test_noise(verdict: Outcome, found: dict | None, sure: float, waits: float) -> None:
+    assert sure_and_open(earned(scene(verdict, found), noise_points=2)) == (sure, waits)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "found", "sure", "waits"),
+    [(RIGHT, ratio(19, 22), 13, 0), (RIGHT, ratio(21, 22), 12, 0), (RIGHT, None, 12, 1), (OPEN, None, 0, 13),
+     (OPEN, AS_NOISY, 0, 13)],
+)  # fmt: skip
+def test_speed(verdict: Outcome, found: dict | None, sure: float, waits: float) -> None:
+    """What could not be measured waits."""
+    assert sure_and_open(earned(scene(verdict, None, found), speed_points=1)) == (sure, waits)
+
+
+def test_the_worst_scene_is_shown_of_those_that_are_surely_too_noisy() -> None:
+    within = earned(scene(RIGHT, ratio(1, 1)), scene(RIGHT, ratio(1.5, 1.5)), noise_points=2)
+    assert "1.5 times the variance" in within.comment and "too noisy" not in within.comment
+    unsure, sure = scene(RIGHT, ratio(1, 64)), scene(RIGHT, ratio(3, 3))
+    assert "too noisy: a sample has 3 times" in earned(unsure, sure, noise_points=2).comment
+
+
+# ---- the noise ----
+
+
+def test_variance_is_unbiased_whatever_the_number_of_pictures() -> None:
+    pictures = np.repeat([0.0, 2.0], noise.IMAGES // 2).reshape(-1, 1, 1, 1)
+    assert np.exp(noise._log_variance(pictures)[0]) == pytest.approx(32 / 31)
+
+
+def test_the_standard_error_of_a_log_variance_is_its_scatter() -> None:
+    """400 measurements of 32 pictures of four values each."""
+    pictures = np.random.default_rng(1).standard_normal((400, noise.IMAGES, 2, 2, 1))
+    found = np.array([noise._log_variance(one) for one in pictures])
+    assert np.mean(found[:, 1] ** 2) == pytest.approx(found[:, 0].var(), rel=0.25)
+
+
+def test_the_interval_of_a_ratio_is_three_standard_errors(monkeypatch) -> None:
+    monkeypatch.setattr(noise, "of_oneray", lambda *of: (np.log(2.0), 0.4))
+    monkeypatch.setattr(noise, "_log_variance", lambda images: (np.log(6.0), 0.3))
+    found = noise.compare([np.zeros((1, 1, 3))], Variant(Path("a.xml")), 4, "nee", Path())
+    assert found is not None and found.ratio == pytest.approx(3)
+    assert (found.low, found.high) == pytest.approx((3 * np.exp(-1.5), 3 * np.exp(1.5)))
