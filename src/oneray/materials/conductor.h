@@ -82,6 +82,11 @@ INLINE Real fresnel_conductor(Real c, Real eta, Real k)
     return real_max(real(0.5) * s * (real(1) + p), real(0)); /* rounding can pass 0 where η is near 1 */
 }
 
+INLINE Light fresnel_of_metal(Real c, Light eta, Light k)
+{
+    return light(fresnel_conductor(c, eta.r, k.r), fresnel_conductor(c, eta.g, k.g), fresnel_conductor(c, eta.b, k.b));
+}
+
 INLINE Scatter conductor_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
@@ -90,8 +95,7 @@ INLINE Scatter conductor_sample(
     if (!(f.has & HAS_FRESNEL))
         return scatter;
     Light eta = ROW_LIGHT(materials, part->row, Conductor, eta), k = ROW_LIGHT(materials, part->row, Conductor, k);
-    Light fresnel = light(fresnel_conductor(s->cos_o, eta.r, k.r), fresnel_conductor(s->cos_o, eta.g, k.g),
-        fresnel_conductor(s->cos_o, eta.b, k.b));
+    Light fresnel = fresnel_of_metal(s->cos_o, eta, k);
     scatter.factor = light_mul(part->reflectance, light_select(k.r < real(0), light_all(real(1)), fresnel));
     return scatter;
 }

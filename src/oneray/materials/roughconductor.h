@@ -9,30 +9,24 @@
 typedef struct roughconductor {
     Conductor metal;
     double alpha, alpha_u, alpha_v; /* roughness: about the slope of the mirrors, root mean square */
-    const char *distribution;
 } RoughConductor;
 
 static inline void roughconductor_check(void *plugin, Said *said)
 {
     RoughConductor *m = plugin;
     const Place *u = given(said, "alpha_u"), *v = given(said, "alpha_v");
-    if (!m->distribution)
-        fail(said, "<bsdf type=\"roughconductor\"> without a distribution is of Mitsuba's default, beckmann, which is "
-            "not supported: write <string name=\"distribution\" value=\"ggx\"/>");
-    if (strcmp(m->distribution, "ggx") != 0)
-        fail(given(said, "distribution"), "the distribution \"%.80s\" is not supported: write "
-            "<string name=\"distribution\" value=\"ggx\"/>", m->distribution);
+    if (!given(said, "distribution")) /* Mitsuba's default is beckmann */
+        fail(said, "<bsdf type=\"roughconductor\">: write <string name=\"distribution\" value=\"ggx\"/>");
     if (!u != !v || (u && given(said, "alpha")))
         fail(said, "<bsdf type=\"roughconductor\">: write alpha, or both alpha_u and alpha_v");
     if (u && m->alpha_u != m->alpha_v)
         fail(u, "a roughness that depends on the direction (alpha_u is not alpha_v) is not supported");
     m->alpha = u ? m->alpha_u : m->alpha;
     m->alpha = m->alpha > 1e-4 ? m->alpha : 1e-4; /* as Mitsuba */
-    m->distribution = NULL;
     conductor_check(&m->metal, said);
 }
 static const Plugin roughconductor_plugin = {"roughconductor", roughconductor_check, {
-    {"distribution", AS_STRING, offsetof(RoughConductor, distribution), NULL, ""},
+    {"distribution", AS_WORD, NOWHERE, "ggx", "ggx"},
     {"alpha", AS_FLOAT, offsetof(RoughConductor, alpha), "[0,1000]", "0.1"},
     {"alpha_u", AS_FLOAT, offsetof(RoughConductor, alpha_u), "[0,1000]", ""},
     {"alpha_v", AS_FLOAT, offsetof(RoughConductor, alpha_v), "[0,1000]", ""},
@@ -40,7 +34,7 @@ static const Plugin roughconductor_plugin = {"roughconductor", roughconductor_ch
     {"material", AS_STRING, offsetof(RoughConductor, metal.material), NULL, ""},
     {"specular_reflectance", AS_COLOUR, offsetof(RoughConductor, metal.specular_reflectance), "[0,1]", "1"},
     {"eta", AS_COLOUR, offsetof(RoughConductor, metal.eta), "(0,1000]", ""},
-    {"k", AS_COLOUR, offsetof(RoughConductor, metal.k), "[0,1000]", ""}}};
+    {"k", AS_COLOUR, offsetof(RoughConductor, metal.k), "[0,1000]", "1"}}};
 
 static inline MaterialTraits roughconductor_traits(const RoughConductor *m)
 {
@@ -56,16 +50,15 @@ enum { roughconductor_transmits = 0 };
 
 typedef struct roughconductor_row {
     Num reflectance[3];
-    Num eta[3], k[3]; /* η = 0, k = 1: Fresnel's reflectance of a perfect mirror, 1 */
+    Num eta[3], k[3]; /* by default, η = 0 and k = 1, Fresnel's reflectance is 1 */
     Num alpha;
 } RoughConductorRow;
 static inline void roughconductor_row(const RoughConductor *m, int side, RoughConductorRow *row)
 {
-    const double none[3] = {0}, one[3] = {1, 1, 1};
     (void)side;
     store(row->reflectance, m->metal.specular_reflectance);
-    store(row->eta, m->metal.fresnel ? m->metal.eta : none);
-    store(row->k, m->metal.fresnel ? m->metal.k : one);
+    store(row->eta, m->metal.eta);
+    store(row->k, m->metal.k);
     row->alpha = (Num)m->alpha;
 }
 
@@ -94,9 +87,7 @@ STAGE Ggx ggx(const Materials *materials, const Part *part, const Surface *s, Ve
     Vec across = vec_sub(h, vec_scale(s->n, along));
     Real size = vec_dot(across, across) + alpha * alpha * (along * along);
     Real q = alpha * only(size > real(0), hh / size);
-    Light fresnel = light(fresnel_conductor(c, eta.r, k.r), fresnel_conductor(c, eta.g, k.g),
-        fresnel_conductor(c, eta.b, k.b));
-    return (Ggx){light_mul(part->reflectance, fresnel), q * q * REAL_INV_PI,
+    return (Ggx){light_mul(part->reflectance, fresnel_of_metal(c, eta, k)), q * q * REAL_INV_PI,
         s->cos_o + ggx_stretch(s->cos_o, alpha), cosine + ggx_stretch(cosine, alpha)};
 }
 
