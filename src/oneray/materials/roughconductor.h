@@ -8,7 +8,7 @@
 
 typedef struct roughconductor {
     Conductor metal;
-    double alpha, alpha_u, alpha_v; /* roughness: about the slope of the mirrors, root mean square */
+    double alpha, alpha_u, alpha_v; /* roughness: half of the mirrors are steeper than this slope */
 } RoughConductor;
 
 static inline void roughconductor_check(void *plugin, Said *said)
