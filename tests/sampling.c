@@ -228,6 +228,21 @@ OVER_COLUMNS(scatter)
     put_mask(b, 20, hit.slot >= index_of(0));
 }
 
+/* A ray (o, d) and a direction to what the material met makes of light from there: (f_r, pdf, f_r cosθ/pdf). */
+OVER_COLUMNS(evaluate)
+{
+    Features f = scene->features, asked = {f.has, f.use | USE_SURVIVAL_PDF};
+    Ray ray = {get_vec(b, 0), get_vec(b, 3), real(NUM_MAX), index_of(-1)};
+    Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
+    Mask front;
+    Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
+    Vec wi = get_vec(b, 6);
+    Evaluation e = evaluate_material(&scene->materials, &s, wi, vec_dot(s.n, wi), asked);
+    put_light(b, 0, e.f_r);
+    put(b, 3, e.pdf_w);
+    put_light(b, 4, e.factor);
+}
+
 /* ---- Surfaces, of a scene opened for (u, v): a ray (o, d) to (1 where one is met, p, u, v, dp/du, dp/dv). */
 OVER_COLUMNS(frame)
 {

@@ -14,7 +14,7 @@ from batches import Oneray, diffuse, glow, interval, sky, square, world
 from building import ROOT, build
 
 LINES = {
-    '#define FINITE_MATERIALS(X) X(DIFFUSE, diffuse, "diffuse")':
+    '    X(ROUGHCONDUCTOR, roughconductor, "rough conductor")':
         ' X(TRANSMITTER, transmitter, "diffuse transmitter")',
     '    X(DIRECTIONAL, directional, "directional light")': ' X(DISKSPOT, diskspot, "disk-shaped spot")',
 }  # fmt: skip

@@ -13,7 +13,9 @@
 
 /* Of the first the BSDF is a finite number; of the others a delta: light comes from single directions, which can be
    sampled but not evaluated. A row of zeros is the first kind's, and black. */
-#define FINITE_MATERIALS(X) X(DIFFUSE, diffuse, "diffuse")
+#define FINITE_MATERIALS(X)                                                                                  \
+    X(DIFFUSE, diffuse, "diffuse")                                                                           \
+    X(ROUGHCONDUCTOR, roughconductor, "rough conductor")
 #define DELTA_MATERIALS(X)                                                                                   \
     X(CONDUCTOR, conductor, "conductor")                                                                     \
     X(DIELECTRIC, dielectric, "dielectric")

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "fields.h"
+#include "materials/metals.h"
 #include "traits.h"
 
 typedef struct conductor {
@@ -11,20 +12,32 @@ typedef struct conductor {
     const char *material;
 } Conductor;
 
+/* By name, with Mitsuba's numbers; false if there is none of that name. */
+static inline bool conductor_of_metal(Conductor *m, const char *name)
+{
+    for (size_t i = 0; i < sizeof metals / sizeof *metals; i++)
+        if (strcmp(metals[i].name, name) == 0) {
+            memcpy(m->eta, metals[i].eta, sizeof m->eta);
+            memcpy(m->k, metals[i].k, sizeof m->k);
+            return true;
+        }
+    return false;
+}
+
 static inline void conductor_check(void *plugin, Said *said)
 {
     Conductor *m = plugin;
     const char *name = m->material;
     m->material = NULL;
-    m->fresnel = given(said, "eta") || given(said, "k");
-    if (name && strcmp(name, "none") != 0)
-        fail(given(said, "material"), "the metal \"%.80s\" is not supported by name (write \"none\" for a "
-            "perfect mirror, or eta and k as <rgb>)", name);
-    if (name && m->fresnel)
-        fail(said, "<bsdf type=\"conductor\"> has \"material\" and \"eta\" or \"k\": write one or the other");
-    if (!name && !(given(said, "eta") && given(said, "k")))
-        fail(said, "<bsdf type=\"conductor\"> needs both eta and k as <rgb>, or "
-            "<string name=\"material\" value=\"none\"/> for a perfect mirror (Mitsuba's default is copper)");
+    if (name && (given(said, "eta") || given(said, "k")))
+        fail(said, "<bsdf type=\"%s\"> has \"material\" and \"eta\" or \"k\": write one or the other", said->type);
+    if (!given(said, "eta") != !given(said, "k"))
+        fail(said, "<bsdf type=\"%s\"> needs both eta and k as <rgb>, or a metal by name, as in "
+            "<string name=\"material\" value=\"Cu\"/>", said->type);
+    m->fresnel = given(said, "eta") || (name && strcmp(name, "none") != 0);
+    if (name && m->fresnel && !conductor_of_metal(m, name))
+        fail(given(said, "material"), "no metal is called \"%.80s\" (\"Ag\", \"Al\", \"Au\", \"Cu\" …, or \"none\" for "
+            "a perfect mirror; or write eta and k as <rgb>)", name);
 }
 static const Plugin conductor_plugin = {"conductor", conductor_check, {
     {"material", AS_STRING, offsetof(Conductor, material), NULL, ""},
@@ -69,6 +82,11 @@ INLINE Real fresnel_conductor(Real c, Real eta, Real k)
     return real_max(real(0.5) * s * (real(1) + p), real(0)); /* rounding can pass 0 where η is near 1 */
 }
 
+INLINE Light fresnel_of_metal(Real c, Light eta, Light k)
+{
+    return light(fresnel_conductor(c, eta.r, k.r), fresnel_conductor(c, eta.g, k.g), fresnel_conductor(c, eta.b, k.b));
+}
+
 INLINE Scatter conductor_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
@@ -77,8 +95,7 @@ INLINE Scatter conductor_sample(
     if (!(f.has & HAS_FRESNEL))
         return scatter;
     Light eta = ROW_LIGHT(materials, part->row, Conductor, eta), k = ROW_LIGHT(materials, part->row, Conductor, k);
-    Light fresnel = light(fresnel_conductor(s->cos_o, eta.r, k.r), fresnel_conductor(s->cos_o, eta.g, k.g),
-        fresnel_conductor(s->cos_o, eta.b, k.b));
+    Light fresnel = fresnel_of_metal(s->cos_o, eta, k);
     scatter.factor = light_mul(part->reflectance, light_select(k.r < real(0), light_all(real(1)), fresnel));
     return scatter;
 }

@@ -58,6 +58,7 @@ typedef struct {
     Light factor; /* f_r cosθ / pdf_w, if the technique or a blend asks for it */
 } Evaluation;
 
+/* The first kind is taken for all, and the others are laid over it. */
 INLINE Evaluation evaluate_part(
     const Materials *materials, const Part *part, Index kind, const Surface *s, Vec wi, Real cosine, Features f)
 {
@@ -66,7 +67,7 @@ INLINE Evaluation evaluate_part(
     (void)kind;
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
-        Mask is = one_kind ? mask_all() : kind == index_of(MATERIAL_##NAME);                                 \
+        Mask is = one_kind || !MATERIAL_##NAME ? mask_all() : kind == index_of(MATERIAL_##NAME);             \
         if (some_transmit && !name##_transmits) /* to it, what is behind is dark */                          \
             is &= cosine > real(0);                                                                          \
         out.f_r = light_select(is, name##_eval(materials, part, s, wi, cosine), out.f_r);                    \
@@ -173,7 +174,10 @@ STAGE Scatter sample_material(
     if (f.has & HAS_BLEND)
         out.pdf_w = out.pdf_w * part.share;
     if (f.has & HAS_PARTS) {
-        Evaluation all = evaluate_material(materials, s, out.wi, vec_dot(s->n, out.wi), f);
+        Real cosine = vec_dot(s->n, out.wi);
+        Evaluation all = evaluate_material(materials, s, out.wi, cosine, f);
+        if (!(f.has & FINITE_TRANSMITTING)) /* else each part has answered for itself */
+            all.factor = light_only(cosine > real(0), all.factor);
         out.factor = light_select(out.delta, out.factor, all.factor);
         out.pdf_w = select(out.delta, out.pdf_w, all.pdf_w);
     }

@@ -15,6 +15,7 @@ TABLES: dict[str, tuple[str, dict[str, str]]] = {
         "materials",
         {
             "type": NAME, "two_sided": FLAG, "reflectance": VECTOR, "eta": VECTOR, "k": VECTOR,
+            "alpha": NUMBER,
             "weight_of_second": NUMBER, "first": INTEGER, "second": INTEGER,
         },
     ),

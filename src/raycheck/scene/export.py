@@ -109,6 +109,11 @@ def _material(material: Material) -> dict[str, Any]:
     if material.kind == "conductor":
         index = {"eta": _numbers(material.eta), "k": _numbers(material.k)}
         return {**data, "reflectance": _numbers(material.reflectance), **index}
+    if material.kind == "roughconductor":
+        perfect = bool((material.k < 0).all())  # k 1 reflects all then, as η is 0
+        index = {"eta": _numbers(material.eta), "k": _numbers(np.ones(3) if perfect else material.k)}
+        rough = {"type": "rough conductor", "reflectance": _numbers(material.reflectance), **index}
+        return {**data, **rough, "alpha": material.alpha}
     if material.kind == "dielectric":
         return {**data, "eta": float(material.eta[0])}
     return {**data, "reflectance": _numbers(material.reflectance)}

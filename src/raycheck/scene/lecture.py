@@ -32,6 +32,8 @@ ARGUMENTS = {
     "cos³θ_eye A_film)",
     "L18": "any pdf is valid, as long as it is not 0 where there is light, and the sample is divided by it",
     "L19": "paths end at max_depth vertices: 1 is emission only, 2 is direct light",
+    "P1": "a rough metal is many small mirrors: f_r = F D G / (4 cosθi cosθo), with D the share of them "
+    "whose normal is the half vector and G the share of those that is seen from both sides",
     "sampling": "the mean of N samples is right and its error falls by √N only if they are independent",
     "film": "a pixel is the plain mean of its samples, in linear radiance: what is done to them afterwards, "
     "or to some of them, biases it",

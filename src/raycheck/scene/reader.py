@@ -5,6 +5,8 @@ Whatever a closed form cannot judge by (unknown elements) is left out here; it i
 scene for mistakes.
 """
 
+import functools
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,14 +19,16 @@ from raycheck.base.errors import ReferenceError_
 from raycheck.scene import document
 from raycheck.scene.document import Element
 
+METALS = Path(__file__).with_name("metals.json")
+
 
 @dataclass(frozen=True)
 class Material:
     """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
 
     `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric is
-    its inner index over the outer one. A blend has two `parts` and the `weight` of the second. A `two_sided`
-    one looks the same from behind, where others are black.
+    its inner index over the outer one. `alpha` is the roughness of a rough conductor. A blend has two `parts`
+    and the `weight` of the second. A `two_sided` one looks the same from behind, where others are black.
     """
 
     kind: str
@@ -34,6 +38,7 @@ class Material:
     weight: float = 0.0
     parts: tuple["Material", ...] = ()
     two_sided: bool = False
+    alpha: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -243,9 +248,11 @@ class _Materials:
 
     def _material(self, element: Element) -> Material:
         kind = element.attrib["type"]
-        if kind == "conductor":
-            k = _rgb(element, "k", -1.0)
-            return Material(kind, _rgb(element, "specular_reflectance", 1.0), _rgb(element, "eta", 0.0), k)
+        if kind in ("conductor", "roughconductor"):
+            tint, alpha = _rgb(element, "specular_reflectance", 1.0), 0.0
+            if kind == "roughconductor":
+                alpha = max(float(_value(element, "alpha", _value(element, "alpha_u", "0.1"))), 1e-4)
+            return Material(kind, tint, *_metal(element), alpha=alpha)
         if kind == "dielectric":
             inner, outer = _value(element, "int_ior", "1.5046"), _value(element, "ext_ior", "1.000277")
             ratio = float(inner) / float(outer)
@@ -258,6 +265,23 @@ class _Materials:
         if kind == "twosided":
             raise ReferenceError_('a <bsdf type="twosided"> without a <bsdf> in it')
         return Material(kind, _rgb(element, "reflectance", 0.5))
+
+
+@functools.cache
+def _metals() -> dict[str, dict[str, list[float]]]:
+    """Mitsuba's indices of refraction, by name (scripts/make_metals.py)."""
+    found: dict[str, dict[str, list[float]]] = json.loads(METALS.read_text(encoding="utf-8"))
+    return found
+
+
+def _metal(element: Element) -> tuple[Array, Array]:
+    """η and k (3,) of a conductor, by name or as they stand."""
+    name = _value(element, "material", "none")
+    if name == "none":
+        return _rgb(element, "eta", 0.0), _rgb(element, "k", -1.0)
+    if name not in _metals():
+        raise ReferenceError_(f'<bsdf type="{element.attrib["type"]}">: no metal is called "{name}"')
+    return np.array(_metals()[name]["eta"]), np.array(_metals()[name]["k"])
 
 
 def _shape(element: Element, materials: _Materials, folder: Path) -> Shape:

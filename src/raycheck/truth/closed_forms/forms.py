@@ -20,6 +20,7 @@ from raycheck.truth.closed_forms.lamps import flat_and_round_lights, point_light
 from raycheck.truth.closed_forms.mirrors import metal, mirror_corridor, mirror_light
 from raycheck.truth.closed_forms.outdoors import open_sky, sun_and_spot
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance, pixel_means
+from raycheck.truth.closed_forms.rough import rough_metal
 from raycheck.truth.closed_forms.solids import edges, in_view, kinks, with_faces
 
 
@@ -50,7 +51,7 @@ FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
     "point-light": point_light, "thousand-lights": lamp_grid, "sun-and-spot": sun_and_spot,
     "open-sky": open_sky, "inside-light": furnace, "furnace": furnace, "mirror-light": mirror_light,
     "mirror-corridor": mirror_corridor, "metal": metal, "glass-pane": glass_pane,
-    "mixed-material": mixed_material,
+    "mixed-material": mixed_material, "rough-metal": rough_metal,
 }  # fmt: skip
 
 BORDERS = {"mirror-corridor": 64, "glass-pane": 64, "metal": 64, "sun-and-spot": 64}

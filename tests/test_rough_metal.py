@@ -1,0 +1,259 @@
+"""Rough metals: microfacets are Mitsuba's, go on in the directions that their density says, the same either
+way round, and reflect as much as the formula does by quadrature.
+
+Numbers come from the functions of roughconductor.h themselves (sampling.c). Seeds are fixed; all statistical
+checks of this file together would raise a false alarm for one choice of seeds in 10⁴ (sampling.py).
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from building import ROOT
+from sampling import LEVEL, Array, Driver, chi_squared, directions, uniforms
+
+from raycheck.scene.reader import METALS, Material
+from raycheck.truth.closed_forms.rough import directional_albedo, microfacets
+
+ALPHAS = (0.02, 0.15, 0.5, 1.0, 3.0)
+each_alpha = pytest.mark.parametrize("alpha", ALPHAS)
+GOLD = json.loads(METALS.read_text(encoding="utf-8"))["Au"]
+
+
+def rough(alpha: float, metal: str = "Au", tint: str = "1") -> str:
+    return (
+        '<bsdf type="roughconductor"><string name="distribution" value="ggx"/>'
+        f'<float name="alpha" value="{alpha}"/>'
+        f'<string name="material" value="{metal}"/><rgb name="specular_reflectance" value="{tint}"/></bsdf>'
+    )
+
+
+def floor(bsdf: str) -> str:
+    """In z = 0, facing up."""
+    return f'<shape type="rectangle">{bsdf}</shape>'
+
+
+def above(n: int, seed: int) -> Array:
+    d = directions(n, seed)
+    return d * np.sign(d[2])
+
+
+def polar(cosine: float) -> Array:
+    return np.array([[np.sqrt(1 - cosine**2)], [0.0], [cosine]])
+
+
+class Sampled:
+    """What a floor does with rays from wo (3, n), given u (2, n) or (4, n)."""
+
+    def __init__(self, driver: Driver, bsdf: str, wo: Array, u: Array, **technique) -> None:
+        u = np.vstack([u, np.full((4 - len(u), u.shape[1]), 0.5)])
+        with driver.scene(floor(bsdf), **technique) as scene:
+            out = driver("scatter", wo, -wo, u, scene=scene)
+        self.wi, self.factor, self.pdf = out[:3], out[3:6], out[6]
+
+
+def evaluated(driver: Driver, bsdf: str, wo: Array, wi: Array, **technique) -> tuple[Array, Array, Array]:
+    """f_r (3, n), pdf (n,), f_r cosθ / pdf (3, n)."""
+    with driver.scene(floor(bsdf), **technique) as scene:
+        out = driver("evaluate", wo, -wo, wi, scene=scene)
+    return out[:3], out[3], out[4:]
+
+
+@each_alpha
+@pytest.mark.parametrize("metal", ["Au", "none"])
+def test_eval_and_pdf_are_mitsubas(driver: Driver, alpha: float, metal: str) -> None:
+    """To the digits of its single precision."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    tint = {"type": "rgb", "value": [0.9, 0.5, 1.0]}
+    theirs = mi.load_dict(
+        {
+            "type": "roughconductor", "distribution": "ggx", "alpha": alpha, "material": metal,
+            "specular_reflectance": tint,
+        }
+    )  # fmt: skip
+    wo, wi = above(400, 1), above(400, 2)
+    wi[:, ::2] = Sampled(driver, rough(alpha), wo, uniforms(400, 3)).wi[:, ::2]  # some where it is bright
+    up = (wi[2] > 1e-3) & (wo[2] > 1e-3)
+    wo, wi = wo[:, up], wi[:, up]
+    f, pdf, _ = evaluated(driver, rough(alpha, metal, "0.9 0.5 1"), wo, wi)
+    found, density = [], []
+    at, context = mi.SurfaceInteraction3f(), mi.BSDFContext()
+    for o, i in zip(wo.T, wi.T, strict=True):
+        at.wi = mi.Vector3f(*o)
+        found.append(theirs.eval(context, at, mi.Vector3f(*i)))
+        density.append(theirs.pdf(context, at, mi.Vector3f(*i)))
+    tolerance = 2e-5 if alpha >= 0.1 else 2e-3
+    np.testing.assert_allclose(f * wi[2], np.array(found).T, rtol=tolerance)
+    np.testing.assert_allclose(pdf, density, rtol=tolerance)
+
+
+@each_alpha
+def test_eval_is_the_formula(driver: Driver, alpha: float) -> None:
+    """As the closed form has it, in other words."""
+    gold = Material(
+        "roughconductor", np.array([1, 0.9, 0.8]), np.array(GOLD["eta"]), np.array(GOLD["k"]), alpha=alpha
+    )
+    wo, wi = above(2000, 4), above(2000, 5)
+    f, _, _ = evaluated(driver, rough(alpha, "Au", "1 0.9 0.8"), wo, wi)
+    up = np.broadcast_to([0.0, 0, 1], (2000, 3))
+    np.testing.assert_allclose((f * wi[2]).T, microfacets(gold, wo.T, wi.T, up), rtol=1e-9)
+
+
+@each_alpha
+def test_it_is_the_same_either_way_round(driver: Driver, alpha: float) -> None:
+    wo, wi = above(2000, 6), above(2000, 7)
+    there, back = (evaluated(driver, rough(alpha), a, b)[0] for a, b in ((wo, wi), (wi, wo)))
+    np.testing.assert_allclose(there, back, rtol=1e-12)
+
+
+@pytest.mark.parametrize("hemisphere", ["cosine", "uniform"])
+@each_alpha
+def test_the_factor_is_brdf_times_cosine_over_density(driver: Driver, alpha: float, hemisphere: str) -> None:
+    wo = above(5000, 8)
+    s = Sampled(driver, rough(alpha), wo, uniforms(5000, 9), hemisphere=hemisphere)
+    up = s.wi[2] > 0
+    assert (s.factor[:, ~up] == 0).all()
+    f, pdf, factor = evaluated(driver, rough(alpha), wo[:, up], s.wi[:, up], hemisphere=hemisphere)
+    np.testing.assert_allclose(s.pdf[up], pdf, rtol=1e-12)
+    np.testing.assert_allclose(s.factor[:, up], factor, rtol=1e-12)
+    np.testing.assert_allclose(factor, f * s.wi[2, up] / pdf, rtol=1e-12)
+    assert hemisphere == "uniform" or (s.factor <= 1).all()
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.7, 0.15])
+@pytest.mark.parametrize("alpha", [0.15, 0.5, 1.0])
+def test_directions_follow_their_density(driver: Driver, alpha: float, cosine: float) -> None:
+    """χ² over half vectors, tanθ_h = α √(s/(1 − s)), in bins of √(1 − s) and φ; what reflects to below the
+    surface is a bin of its own, and no small one: all together are 1.
+    """
+    n, shape, order = 100_000, (12, 12), 48
+    wo = polar(cosine)
+    wi = Sampled(driver, rough(alpha), wo, uniforms(n, 10)).wi
+    np.testing.assert_allclose(np.linalg.norm(wi, axis=0), 1, rtol=1e-12)
+    up = wi[2] > 0
+    h = (wo + wi)[:, up]
+    slope = (h[0] ** 2 + h[1] ** 2) / (h[2] * alpha) ** 2
+    places = np.stack([1 - 1 / np.sqrt(1 + slope), np.arctan2(h[1], h[0]) / (2 * np.pi) + 0.5])
+    which = np.minimum((places * np.array(shape)[:, None]).astype(int), np.array(shape)[:, None] - 1)
+    counts = np.bincount(which[0] * shape[1] + which[1], minlength=shape[0] * shape[1])
+
+    x, w = np.polynomial.legendre.leggauss(order)
+    lines = [((np.arange(k)[:, None] + (x + 1) / 2) / k).ravel() for k in shape]
+    weights = [np.tile(w / 2 / k, k) for k in shape]
+    t, turn = (grid.ravel() for grid in np.meshgrid(*lines, indexing="ij"))
+    s = 1 - (1 - t) ** 2
+    tangent, phi = alpha * np.sqrt(s / (1 - s)), 2 * np.pi * (turn - 0.5)
+    c = 1 / np.sqrt(1 + tangent**2)
+    m = np.stack([tangent * c * np.cos(phi), tangent * c * np.sin(phi), c])
+    dot = (wo * m).sum(axis=0)
+    there = 2 * dot * m - wo
+    # dω_i = 4 (wo·m) dω_m, dω_m = c³ tanθ dtanθ dφ, 2 tanθ dtanθ = α² ds/(1 − s)², ds = 2 (1 − t) dt
+    size = 4 * np.abs(dot) * c**3 * alpha**2 / (1 - t) ** 3 * 2 * np.pi
+    _, pdf, _ = evaluated(driver, rough(alpha), np.broadcast_to(wo, there.shape), there)
+    size *= (dot > 0) * np.outer(*weights).ravel()
+    mass = np.where(there[2] > 0, pdf * size, 0)
+    below = np.where(there[2] > 0, 0, visible(alpha, wo, m) * size)
+    assert mass.sum() + below.sum() == pytest.approx(1, abs=1e-3)
+    cells = np.arange(shape[0] * shape[1]).reshape(shape).repeat(order, axis=0).repeat(order, axis=1).ravel()
+    expected = n * np.bincount(cells, mass, minlength=shape[0] * shape[1])
+    lost = n - expected.sum()
+    assert chi_squared(np.append(counts, n - up.sum()), np.append(expected, lost)) > LEVEL
+    if lost > 1000:
+        wrong = expected * n / expected.sum()
+        assert chi_squared(np.append(counts, n - up.sum()), np.append(wrong, 1e-9)) < LEVEL  # it can fail
+
+
+def visible(alpha: float, wo: Array, m: Array) -> Array:
+    """D G1(θo) / (4 cosθo), sr⁻¹, of directions below the surface as well."""
+    d = alpha**2 / (np.pi * (m[2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+    g1 = 2 / (1 + np.sqrt(1 + alpha**2 * (1 - wo[2] ** 2) / wo[2] ** 2))
+    return d * g1 / (4 * wo[2])
+
+
+@pytest.mark.parametrize(("alpha", "albedo"), [(0.5, 0.6878485151), (1.0, 1 - np.log(2))])
+def test_a_white_one_reflects_along_its_normal_as_much_as_the_formula(alpha: float, albedo: float) -> None:
+    white = Material("roughconductor", np.ones(3), alpha=alpha)
+    np.testing.assert_allclose(directional_albedo(white, 1.0), albedo, rtol=1e-10)
+
+
+@pytest.mark.parametrize("hemisphere", ["cosine", "uniform"])
+@pytest.mark.parametrize("cosine", [1.0, 0.6, 0.2])
+@pytest.mark.parametrize("alpha", [0.15, 0.5, 1.0])
+def test_a_furnace_shows_the_directional_albedo(
+    driver: Driver, alpha: float, cosine: float, hemisphere: str
+) -> None:
+    """The mean of f_r cosθ/pdf over an even grid of random numbers."""
+    u = (np.indices((1000, 1000)).reshape(2, -1) + 0.5) / 1000
+    gold = Material("roughconductor", np.ones(3), np.array(GOLD["eta"]), np.array(GOLD["k"]), alpha=alpha)
+    found = Sampled(driver, rough(alpha), polar(cosine), u, hemisphere=hemisphere).factor.mean(axis=1)
+    np.testing.assert_allclose(found, directional_albedo(gold, cosine), rtol=3e-4)
+
+
+@pytest.mark.parametrize("hemisphere", ["cosine", "uniform"])
+def test_a_blend_evaluates_its_finite_parts_together(driver: Driver, hemisphere: str) -> None:
+    """A quarter of it Lambert's. What one part sends below the surface is lost, whatever the other does."""
+    lambert = '<bsdf type="diffuse"><rgb name="reflectance" value="0.8"/></bsdf>'
+    blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.25"/>{rough(0.5)}{lambert}</bsdf>'
+    wo, n = polar(0.4), 200_000
+    s = Sampled(driver, blend, wo, uniforms(n, 11, 4), hemisphere=hemisphere)
+    up = s.wi[2] > 0
+    assert (s.factor[:, ~up] == 0).all()
+    assert hemisphere == "uniform" or (~up).any()
+    two = [evaluated(driver, one, wo, s.wi[:, up], hemisphere=hemisphere) for one in (rough(0.5), lambert)]
+    f, pdf = (0.75 * two[0][k] + 0.25 * two[1][k] for k in range(2))
+    np.testing.assert_allclose(s.pdf[up], pdf, rtol=1e-11)
+    np.testing.assert_allclose(s.factor[:, up], f * s.wi[2, up] / pdf, rtol=1e-11)
+    gold = Material("roughconductor", np.ones(3), np.array(GOLD["eta"]), np.array(GOLD["k"]), alpha=0.5)
+    np.testing.assert_allclose(s.factor.mean(axis=1), 0.75 * directional_albedo(gold, 0.4) + 0.2, rtol=0.02)
+
+
+def test_it_is_black_from_behind_unless_it_is_twosided(driver: Driver) -> None:
+    wo = np.array([[0.6], [0.0], [-0.8]])
+    assert (Sampled(driver, rough(0.5), wo, uniforms(100, 12)).factor == 0).all()
+    there = Sampled(driver, f'<bsdf type="twosided">{rough(0.5)}</bsdf>', wo, uniforms(100, 12))
+    assert (there.factor[:, there.wi[2] < 0] > 0).all()
+
+
+@pytest.mark.parametrize("alpha", [0, 1e-4, 0.01, 1, 1000])
+def test_there_is_a_finite_number_everywhere(driver: Driver, wide: list[Driver], alpha: float) -> None:
+    """At grazing angles, along the normal, opposite to the viewer; no factor above 1. In both precisions."""
+    cosine = np.concatenate([10.0 ** np.linspace(-12, -3, 500), np.linspace(1e-3, 1, 500)])
+    wo = np.stack([np.sqrt((1 - cosine) * (1 + cosine)), 0 * cosine, cosine])
+    u = uniforms(1000, 13)
+    u[:, :100] = np.array([[1e-9], [1e-9]])
+    u[:, -100:] = np.array([[1 - 1e-7], [0.5]])
+    for one in (driver, *wide):
+        s = Sampled(one, rough(alpha), wo, u)
+        assert np.isfinite(s.wi).all() and np.isfinite(s.pdf).all()
+        assert ((s.factor >= 0) & (s.factor <= 1 + 1e-5)).all()
+        for wi in (wo, wo * [[-1], [-1], [1]], np.array([[0.0], [0], [1]]) + 0 * wo):
+            assert all(np.isfinite(a).all() for a in evaluated(one, rough(alpha), wo, wi))
+
+
+def test_a_roughness_below_mitsubas_floor_is_the_floor(driver: Driver) -> None:
+    wo, u = above(100, 14), uniforms(100, 15)
+    one, other = (Sampled(driver, rough(alpha), wo, u) for alpha in (1e-6, 1e-4))
+    np.testing.assert_array_equal(one.pdf, other.pdf)
+
+
+def test_lanes_give_the_same_bits(driver: Driver, wide: list[Driver]) -> None:
+    wo, u = above(2001, 16), uniforms(2001, 17)
+    one, two = (Sampled(d, rough(0.3), wo, u) for d in (driver, wide[0]))
+    for a, b in ((one.wi, two.wi), (one.factor, two.factor), (one.pdf, two.pdf)):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_metals_are_those_that_mitsuba_has(tmp_path) -> None:
+    pytest.importorskip("mitsuba")
+    for name in ("src/oneray/materials", "src/raycheck/scene"):
+        (tmp_path / name).mkdir(parents=True)
+    subprocess.run(
+        [sys.executable, ROOT / "scripts/make_metals.py", tmp_path], check=True, capture_output=True
+    )
+    for name in ("src/oneray/materials/metals.h", "src/raycheck/scene/metals.json"):
+        assert (tmp_path / name).read_bytes() == (ROOT / name).read_bytes()
