@@ -30,9 +30,11 @@ static const struct {
 /* A longer tag is cut off, and then there is none like it. */
 bool is_among(const Node *node, const char *elements)
 {
-    char element[16];
-    snprintf(element, sizeof element, "<%s>", node->tag);
-    return strstr(elements, element);
+    size_t length = strlen(node->tag);
+    while ((elements = strchr(elements, '<')))
+        if (strncmp(++elements, node->tag, length) == 0 && elements[length] == '>')
+            return true;
+    return false;
 }
 
 const char *attribute(const Node *node, const char *name)
