@@ -44,7 +44,7 @@ def plausible(p: float) -> bool:
     return p > LEVEL
 
 
-# ---- sample.h
+# ---- lanes/sample.h
 
 # name: least z, greatest z, column of the entry `densities`, extent
 MAPS = {
@@ -126,7 +126,7 @@ def test_cones_keep_their_digits_however_narrow(driver: Driver, extent: float) -
     np.testing.assert_allclose(d[3] * 2 * np.pi * extent, 1, rtol=1e-15)
 
 
-# ---- light.h: one light and a point that it shines on
+# ---- emitters/area.h: one light and a point that it shines on
 
 FLOOR = '<shape type="disk"><transform name="to_world"><translate z="-1000"/></transform></shape>'
 EMITTER = '<emitter type="area"><rgb name="radiance" value="1"/></emitter>'
@@ -512,7 +512,7 @@ def test_a_light_among_others_is_sampled_as_it_is_alone(driver: Driver) -> None:
             np.testing.assert_array_equal(case.sample(driver, scene, uniforms(500, 9)), alone, case.name)
 
 
-# ---- light_choice.h
+# ---- emitters/choice.h
 
 
 def lamps(seed: int, lattice: bool) -> str:
@@ -672,7 +672,7 @@ def test_a_light_without_a_chance_would_be_noticed(driver: Driver) -> None:
         assert (probabilities(driver, scene, below)[shining(driver, scene, at)] == 0).any()
 
 
-# ---- light_trace.h
+# ---- estimators/light.h
 
 GROUND = (
     '<shape type="rectangle"><transform name="to_world"><scale x="3" y="4"/></transform></shape>'
@@ -834,7 +834,7 @@ def test_many_lights_give_the_sum_of_their_fluxes(driver: Driver) -> None:
     assert mean_p(flux[0], truth + 0.03 * spot) < LEVEL  # the check can fail
 
 
-# ---- camera.h
+# ---- sensors/perspective.h
 
 EVERYTHING = ROOT / "tests/everything.xml"
 WIDTH, HEIGHT = 19, 11
