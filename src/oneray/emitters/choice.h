@@ -4,11 +4,7 @@
 
 #include "emitters/towards.h"
 
-#ifdef SINGLE
-#define NEAREST 1e-30 /* (m²) a light at the very point */
-#else
-#define NEAREST 1e-240
-#endif
+#define NEAREST BY_PRECISION(1e-30, 1e-240) /* (m²) a light at the very point */
 #define SPREAD (1 / 6.0)  /* of its ball's r²: how far a node's lights are from its center, squared */
 #define DOUBTFUL 0.3      /* share of the best conceivable cosine, where the center's is smaller */
 

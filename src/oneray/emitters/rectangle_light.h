@@ -16,11 +16,7 @@ typedef struct {
 } RectangleView;
 
 #define RECTANGLE_NEAR 4.0 /* (distance / half diagonal)² beyond which it looks small */
-#ifdef SINGLE
-#define LEAST_SOLID_ANGLE 0.05
-#else
-#define LEAST_SOLID_ANGLE 1e-4
-#endif
+#define LEAST_SOLID_ANGLE BY_PRECISION(0.05, 1e-4)
 
 /* The solid angle is the excess of the four angles over 2π. Each has its cosine from the two edges that meet,
    as -n·n' of their planes' normals, and is the argument of ∓xy + i z r at a corner (x, y) at distance r: Ureña's

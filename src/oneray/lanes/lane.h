@@ -33,12 +33,9 @@ typedef int32_t Int;
 typedef uint32_t Word;
 #define NUM_MAX 3.402823466e+38F
 #define NUM_BYTES 4
+#define BY_PRECISION(in_single, in_double) in_single
 #define SQRT sqrtf
-#define VECTOR_SQRT(prefix) prefix##_sqrt_ps
-#define VECTOR_BITS(prefix) prefix##_movemask_ps
-#define VECTOR_BLEND(prefix) prefix##_blendv_ps
-#define VECTOR_MIN(prefix) prefix##_min_ps
-#define VECTOR_MAX(prefix) prefix##_max_ps
+#define INTRINSIC(prefix, name) prefix##_##name##_ps
 #define MASK_BITS_512 _mm512_movepi32_mask
 #else
 typedef double Num;
@@ -46,12 +43,9 @@ typedef int64_t Int;
 typedef uint64_t Word;
 #define NUM_MAX 1.7976931348623157e+308
 #define NUM_BYTES 8
+#define BY_PRECISION(in_single, in_double) in_double
 #define SQRT sqrt
-#define VECTOR_SQRT(prefix) prefix##_sqrt_pd
-#define VECTOR_BITS(prefix) prefix##_movemask_pd
-#define VECTOR_BLEND(prefix) prefix##_blendv_pd
-#define VECTOR_MIN(prefix) prefix##_min_pd
-#define VECTOR_MAX(prefix) prefix##_max_pd
+#define INTRINSIC(prefix, name) prefix##_##name##_pd
 #define MASK_BITS_512 _mm512_movepi64_mask
 #endif
 #define VECTOR_BYTES (LANES * NUM_BYTES)
@@ -89,8 +83,9 @@ typedef Word Bits __attribute__((vector_size(VECTOR_BYTES)));
 typedef Index Mask;
 
 /* The bits of a Real, and back. */
-INLINE Bits real_bits(Real a) { Bits b; memcpy(&b, &a, sizeof b); return b; }
-INLINE Real bits_real(Bits a) { Real b; memcpy(&b, &a, sizeof b); return b; }
+typedef union { Real real; Bits bits; } RealOrBits;
+INLINE Bits real_bits(Real a) { return (RealOrBits){.real = a}.bits; }
+INLINE Real bits_real(Bits a) { return (RealOrBits){.bits = a}.real; }
 
 /* As often as there are lanes; written out, the compiler loads it once. */
 #if LANES == 1
@@ -106,9 +101,9 @@ INLINE Real bits_real(Bits a) { Real b; memcpy(&b, &a, sizeof b); return b; }
 #endif
 
 /* The same number in every lane. */
-INLINE Real real(double a) { Real all = EACH((Num)a); return all; }
-INLINE Index index_of(int64_t a) { Index all = EACH((Int)a); return all; }
-INLINE Bits bits_of(uint64_t a) { Bits all = EACH((Word)a); return all; }
+INLINE Real real(double a) { return (Real)EACH((Num)a); }
+INLINE Index index_of(int64_t a) { return (Index)EACH((Int)a); }
+INLINE Bits bits_of(uint64_t a) { return (Bits)EACH((Word)a); }
 
 /* The product of the low halves of each 64 bits: one instruction where there is one, which the compiler does not
    find by itself. */
@@ -126,10 +121,8 @@ INLINE Pairs multiply_halves(Pairs a, Pairs b)
     return (a & 0xFFFFFFFFu) * (b & 0xFFFFFFFFu);
 #endif
 }
-#endif
 
 /* The high halves of a, the low halves of b. */
-#if LANES > 1
 INLINE Pairs odd_halves(Pairs a, Pairs b)
 {
 #if VECTOR_BYTES == 32 && defined(__AVX2__)
@@ -172,7 +165,7 @@ INLINE Mask mask_not(Mask m) { return ~m; }
 INLINE Real select(Mask m, Real a, Real b)
 {
 #if VECTOR_BYTES == 32 && defined(__AVX2__)
-    return (Real)VECTOR_BLEND(_mm256)(b, a, (Real)m);
+    return (Real)INTRINSIC(_mm256, blendv)(b, a, (Real)m);
 #else
     return bits_real(((Bits)m & real_bits(a)) | (~(Bits)m & real_bits(b)));
 #endif
@@ -183,18 +176,16 @@ INLINE Index index_select(Mask m, Index a, Index b) { return (Index)select(m, (R
 /* A bit a lane, lane 0 lowest. */
 INLINE unsigned mask_bits(Mask m)
 {
-#if LANES == 1
-    return m != 0;
-#elif VECTOR_BYTES == 64 && defined(__AVX512DQ__)
+#if VECTOR_BYTES == 64 && defined(__AVX512DQ__)
     return MASK_BITS_512((__m512i)m);
 #elif VECTOR_BYTES == 32 && defined(__AVX2__)
-    return (unsigned)VECTOR_BITS(_mm256)((Real)m);
+    return (unsigned)INTRINSIC(_mm256, movemask)((Real)m);
 #elif VECTOR_BYTES == 16 && defined(__SSE2__)
-    return (unsigned)VECTOR_BITS(_mm)((Real)m);
+    return (unsigned)INTRINSIC(_mm, movemask)((Real)m);
 #else
     unsigned bits = 0;
     for (int i = 0; i < LANES; i++)
-        bits |= (unsigned)(m[i] & 1) << i;
+        bits |= (unsigned)(LANE(m, i) & 1) << i;
     return bits;
 #endif
 }
@@ -209,16 +200,16 @@ INLINE Real only(Mask m, Real a) { return select(m, a, real(0)); }           /* 
 /* b where either is nan. */
 INLINE Real real_min(Real a, Real b)
 {
-#if LANES > 1 && VECTOR_BYTES == 32 && defined(__AVX2__)
-    return (Real)VECTOR_MIN(_mm256)(a, b);
+#if VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)INTRINSIC(_mm256, min)(a, b);
 #else
     return select(a < b, a, b);
 #endif
 }
 INLINE Real real_max(Real a, Real b)
 {
-#if LANES > 1 && VECTOR_BYTES == 32 && defined(__AVX2__)
-    return (Real)VECTOR_MAX(_mm256)(a, b);
+#if VECTOR_BYTES == 32 && defined(__AVX2__)
+    return (Real)INTRINSIC(_mm256, max)(a, b);
 #else
     return select(a > b, a, b);
 #endif
@@ -233,18 +224,16 @@ INLINE Real flip_sign(Real a, Real b)
 
 INLINE Real real_sqrt(Real a)
 {
-#if LANES == 1
-    return SQRT(a);
-#elif VECTOR_BYTES == 64 && defined(__AVX512F__)
-    return (Real)VECTOR_SQRT(_mm512)(a);
+#if VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return (Real)INTRINSIC(_mm512, sqrt)(a);
 #elif VECTOR_BYTES == 32 && defined(__AVX2__)
-    return (Real)VECTOR_SQRT(_mm256)(a);
+    return (Real)INTRINSIC(_mm256, sqrt)(a);
 #elif VECTOR_BYTES == 16 && defined(__SSE2__)
-    return (Real)VECTOR_SQRT(_mm)(a);
+    return (Real)INTRINSIC(_mm, sqrt)(a);
 #else
     Real b = {0};
     for (int i = 0; i < LANES; i++)
-        b[i] = SQRT(a[i]);
+        LANE(b, i) = SQRT(LANE(a, i));
     return b;
 #endif
 }
@@ -252,26 +241,18 @@ INLINE Real real_sqrt(Real a)
 /* table[i] for each lane's i. */
 INLINE Real gather(const Num *table, Index i)
 {
-#if LANES == 1
-    return table[i];
-#else
     Real a = {0};
     for (int lane = 0; lane < LANES; lane++)
-        a[lane] = table[i[lane]];
+        LANE(a, lane) = table[LANE(i, lane)];
     return a;
-#endif
 }
 
 INLINE Index gather_index(const Int *table, Index i)
 {
-#if LANES == 1
-    return table[i];
-#else
     Index a = {0};
     for (int lane = 0; lane < LANES; lane++)
-        a[lane] = table[i[lane]];
+        LANE(a, lane) = table[LANE(i, lane)];
     return a;
-#endif
 }
 
 /* Four numbers in a row of a table, from table[at] on, for each lane. Reads all four also where fewer are used:
@@ -303,15 +284,13 @@ INLINE void gather_four(const Num *table, Index at, Real out[4])
 #endif
 }
 
-/* The integer part of a, 0 <= a < 2^22 (single) or 2^51 (double): adding 1.5·2^23 or 1.5·2^52 leaves the
-   nearest integer in the low bits of the fraction. */
+/* 1.5·2^23 or 1.5·2^52: added to a number, it leaves the nearest integer in the low bits of the fraction. */
+#define REAL_BIG real(BY_PRECISION(12582912.0, 6755399441055744.0))
+
+/* The integer part of a, 0 <= a < 2^22 (single) or 2^51 (double). */
 INLINE Index real_floor(Real a)
 {
-#ifdef SINGLE
-    const Real big = real(12582912.0);
-#else
-    const Real big = real(6755399441055744.0);
-#endif
+    const Real big = REAL_BIG;
     Real nearest = (a + big) - big;
     Bits low = real_bits(nearest + big) - real_bits(big);
     return (Index)low - index_select(nearest > a, index_of(1), index_of(0));
@@ -326,12 +305,7 @@ STAGE void sincos_turn(Real u, Real *sine, Real *cosine)
 {
     Real quarters = real(4) * u;
     Index quarter = real_floor(quarters + real(0.5));
-#ifdef SINGLE
-    const Real big = real(12582912.0);
-#else
-    const Real big = real(6755399441055744.0);
-#endif
-    Real x = (quarters - (bits_real((Bits)quarter + real_bits(big)) - big)) * real(1.57079632679489661923);
+    Real x = (quarters - (bits_real((Bits)quarter + real_bits(REAL_BIG)) - REAL_BIG)) * real(1.57079632679489661923);
     Real xx = x * x;
     Real s = real(-1 / 5040.0), c = real(1 / 40320.0);
 #ifndef SINGLE
@@ -355,11 +329,7 @@ STAGE void sincos_turn(Real u, Real *sine, Real *cosine)
    at t^9 (single). */
 STAGE Real angle_of(Real y, Real x)
 {
-#ifdef SINGLE
-    const int last = 9;
-#else
-    const int last = 21;
-#endif
+    const int last = BY_PRECISION(9, 21);
     Real a = real_abs(x), low = real_min(y, a), high = real_max(y, a);
     Mask one = low > real(0.19891236737965800691) * high; /* tan π/16 */
     Mask two = low > real(0.66817863791929891999) * high; /* tan 3π/16 */

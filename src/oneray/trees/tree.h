@@ -55,8 +55,8 @@ typedef int32_t BoxMask __attribute__((vector_size(4 * BOXES)));
 #define PIECE_SELECT(m, a, b) ((Piece)MASK_SELECT(m, (PieceMask)(a), (PieceMask)(b)))
 #define BOX_SELECT(m, a, b) ((BoxPiece)MASK_SELECT(m, (BoxMask)(a), (BoxMask)(b)))
 #if PIECE_BYTES == 32
-#define PIECE_MAX(a, b) ((Piece)VECTOR_MAX(_mm256)(a, b))
-#define PIECE_MIN(a, b) ((Piece)VECTOR_MIN(_mm256)(a, b))
+#define PIECE_MAX(a, b) ((Piece)INTRINSIC(_mm256, max)(a, b))
+#define PIECE_MIN(a, b) ((Piece)INTRINSIC(_mm256, min)(a, b))
 #else
 #define PIECE_MAX(a, b) PIECE_SELECT((a) > (b), a, b)
 #define PIECE_MIN(a, b) PIECE_SELECT((a) < (b), a, b)
@@ -75,9 +75,9 @@ INLINE unsigned piece_bits(const PieceMask *m)
 #if PIECE_BYTES == 64
     return MASK_BITS_512((__m512i)*m);
 #elif PIECE_BYTES == 32
-    return (unsigned)VECTOR_BITS(_mm256)((Piece)*m);
+    return (unsigned)INTRINSIC(_mm256, movemask)((Piece)*m);
 #elif defined(__SSE2__)
-    return (unsigned)VECTOR_BITS(_mm)((Piece)*m);
+    return (unsigned)INTRINSIC(_mm, movemask)((Piece)*m);
 #else
     unsigned bits = 0;
     for (int k = 0; k < PIECE; k++)
