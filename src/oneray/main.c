@@ -56,11 +56,10 @@ static void check_outputs(const Options *options, const Description *scene)
 
 static Window window_of(const Options *options, const Sensor *sensor)
 {
-    const uint64_t *crop = options->crop;
-    Window whole = {sensor->width, sensor->height, 0, 0, sensor->width, sensor->height};
-    return crop[2] ? (Window){sensor->width, sensor->height, (int)crop[0], (int)crop[1], (int)crop[2],
-                         (int)crop[3]}
-                   : whole;
+    const uint64_t whole[4] = {0, 0, (uint64_t)sensor->width, (uint64_t)sensor->height};
+    const uint64_t *crop = options->crop[2] ? options->crop : whole;
+    return (Window){
+        sensor->width, sensor->height, (int)crop[0], (int)crop[1], (int)crop[2], (int)crop[3]};
 }
 
 /* Writes what there is, and says if that is not what was asked for. */
@@ -95,8 +94,7 @@ static void render_scene(Options *options)
     else if (!strcmp(options->precision, "single"))
         refuse_beyond_single(scene, options->scene);
     Render r = {.options = options, .scene = scene, .kernel = options_kernel(options)};
-    void *prepared = r.kernel->prepare(scene, &options->technique);
-    r.prepared = prepared;
+    r.prepared = r.kernel->prepare(scene, &options->technique);
     seconds.build = seconds_now() - start;
 
     r.film.window = window_of(options, &scene->sensor);
@@ -111,7 +109,7 @@ static void render_scene(Options *options)
     if (options->stats)
         stats_write(options, &r, &seconds);
     film_free(&r.film);
-    r.kernel->release(prepared);
+    r.kernel->release(r.prepared);
     description_free(scene);
 }
 

@@ -146,15 +146,16 @@ NORETURN static void help(void)
         "\nexit status: 0 done, 2 the command line, the scene or a file was wrong (standard error says where)");
     const char *last = "";
     fputs("\nkernels that run here:", stdout);
-    for (int i = 0; kernel_built(i); i++)
-        if (kernel_runs(kernel_built(i))) {
-            const Kernel *kernel = kernel_built(i);
-            if (strcmp(last, kernel->precision))
-                printf("%s %s x %d", *last ? ";" : "", kernel->precision, kernel->lanes);
-            else
-                printf(", %d", kernel->lanes);
-            last = kernel->precision;
-        }
+    for (int i = 0; kernel_built(i); i++) {
+        const Kernel *kernel = kernel_built(i);
+        if (!kernel_runs(i))
+            continue;
+        if (strcmp(last, kernel->precision))
+            printf("%s %s x %d", *last ? ";" : "", kernel->precision, kernel->lanes);
+        else
+            printf(", %d", kernel->lanes);
+        last = kernel->precision;
+    }
     putchar('\n');
     exit(0);
 }
@@ -400,13 +401,6 @@ void options_free(Options *o)
     free(o->parts);
 }
 
-/* L17 light tracing: what it cannot render, as far as the scene says so. */
-static void check_light_paths(const Options *options, const Description *scene)
-{
-    if (options->technique.estimator == ESTIMATOR_LIGHT && scene->hide_emitters)
-        die("%s: hide_emitters is not supported with --estimator light", options->scene);
-}
-
 /* Would a path in a closed scene never be cut short? Only where a material absorbs nothing. */
 static const Material *absorbs_nothing(const Description *scene)
 {
@@ -439,7 +433,8 @@ void options_check(const Options *options, const Description *scene)
                 "missing; use nee or mis",
                 kinds[light->kind]);
     }
-    check_light_paths(options, scene);
+    if (options->technique.estimator == ESTIMATOR_LIGHT && scene->hide_emitters)
+        die("%s: hide_emitters is not supported with --estimator light", options->scene);
     if (scene->max_depth < 0 && options->technique.roulette == ROULETTE_NONE)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;

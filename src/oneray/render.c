@@ -75,14 +75,6 @@ static void check_endless(const Render *r)
             (long long)(r->counters.endless / width), PATH_LIMIT);
 }
 
-static bool is_radiance(const double radiance[3])
-{
-    for (int c = 0; c < 3; c++)
-        if (!(radiance[c] >= 0 && radiance[c] <= DBL_MAX))
-            return false;
-    return true;
-}
-
 /* The vertex, the first surface being 1 and a light's point the last, with which the sample stops being a radiance:
    the same path again, cut at 1, 2, 4, … vertices and then between. 0 if it never does. */
 static int bad_vertex(const Render *r, size_t pixel, uint64_t sample)
@@ -90,14 +82,14 @@ static int bad_vertex(const Render *r, size_t pixel, uint64_t sample)
     int good = 0, bad = 0;
     for (int next = 1; bad != good + 1 && next <= PATH_LIMIT; next = bad ? (good + bad) / 2 : 2 * next) {
         Description cut = *r->scene;
-        double radiance[3];
+        double radiance[3], node[1][6];
         Counters counters = {0, 0, -1, -1};
         cut.max_depth = next;
         void *prepared = r->kernel->prepare(&cut, &r->options->technique);
         Job job = {r->options->seed, sample, pixel, 1, 1, radiance, NULL};
         r->kernel->render(prepared, &job, &counters, 1);
         r->kernel->release(prepared);
-        *(is_radiance(radiance) ? &good : &bad) = next;
+        *(film_reduce(radiance, 0, node) < 0 ? &good : &bad) = next;
         if (good >= r->scene->max_depth && r->scene->max_depth > 0 && !bad)
             return 0;
     }

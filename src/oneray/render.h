@@ -19,7 +19,7 @@ typedef struct {
     const Options *options;
     const Description *scene;
     const Kernel *kernel;
-    const void *prepared;
+    void *prepared;
     Film film;
     Counters counters;
     uint64_t wanted;  /* samples per pixel, at most */

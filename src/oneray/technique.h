@@ -63,15 +63,7 @@ enum { SAMPLERS(NAME) };
 
 /* A value of each list. */
 typedef struct {
-    int estimator;
-    int hemisphere;
-    int light_choice;
-    int light_points;
-    int mis;
-    int mis_pdf;
-    int roulette;
-    int fresnel;
-    int sampler;
+    int estimator, hemisphere, light_choice, light_points, mis, mis_pdf, roulette, fresnel, sampler;
 } Technique;
 
 /* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5

@@ -16,9 +16,7 @@ static const char *const channel_names[CHANNELS] = {"R", "G", "B", "stderr.R", "
 /* The library would print its own lines; what went wrong is said once, by check(). */
 static void silent(exr_const_context_t context, exr_result_t code, const char *text)
 {
-    (void)context;
-    (void)code;
-    (void)text;
+    (void)context, (void)code, (void)text;
 }
 
 static void check(exr_result_t result, const char *file)

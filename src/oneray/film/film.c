@@ -34,10 +34,9 @@ int film_block_level(uint64_t first, uint64_t count)
 static inline void join_equal(double to[6], const double a[6], const double b[6], double half_over_n)
 {
     for (int c = 0; c < 3; c++) {
-        double difference = b[c] - a[c],
-               deviation = a[3 + c] + b[3 + c] + difference * difference * half_over_n;
+        double difference = b[c] - a[c];
+        to[3 + c] = a[3 + c] + b[3 + c] + difference * difference * half_over_n;
         to[c] = a[c] + b[c];
-        to[3 + c] = deviation;
     }
 }
 
@@ -219,10 +218,8 @@ Film film_read(const char *file)
     for (int k = 0; k < layers; k++) {
         Layer layer;
         unsigned long long index;
-        if (fscanf(stream, "%d %llu", &layer.level, &index) != 2 || layer.level < 0 || layer.level > 62
-            || fgetc(stream) != '\n')
-            die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
-        if (layer.level > 48 || index >= (uint64_t)1 << (62 - layer.level))
+        if (fscanf(stream, "%d %llu", &layer.level, &index) != 2 || layer.level < 0 || layer.level > 48
+            || index >= (uint64_t)1 << (62 - layer.level) || fgetc(stream) != '\n')
             die("%s: the film is damaged (layer %d of %d)", file, k + 1, layers);
         layer.index = index;
         layer.pixels = allocate(film_pixels(&film), 6 * sizeof(double));

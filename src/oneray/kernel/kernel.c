@@ -14,6 +14,11 @@ static void render_generic(const Scene *scene, const Job *job, Counters *counter
 }
 
 #ifdef INSTANCES
+/* The bits that an instance must have as asked, no more and no less: those that choose between two ways, and those
+   that go with tables which other scenes do not have. */
+#define EXACTLY_HAS (HAS_TREE | HAS_MESH | HAS_FRESNEL | HAS_BLEND | HAS_HIDDEN)
+#define EXACTLY_USE (~USE_ROULETTE)
+
 static int serves(Features set, Features wanted)
 {
     return !(wanted.has & ~set.has) && !(wanted.use & ~set.use) && !((wanted.has ^ set.has) & EXACTLY_HAS)
@@ -89,11 +94,5 @@ static void render(const void *scene, const Job *job, Counters *counters, int ge
         instance_for(features(scene)).render(scene, job, counters);
 }
 
-#ifdef SINGLE
-#define PRECISION_NAME "single"
-#else
-#define PRECISION_NAME "double"
-#endif
-
 extern const Kernel KERNEL;
-const Kernel KERNEL = {PRECISION_NAME, LANES, prepare_and_learn, features, instance, render, release};
+const Kernel KERNEL = {BY_PRECISION("single", "double"), LANES, prepare_and_learn, features, instance, render, release};

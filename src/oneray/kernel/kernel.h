@@ -36,6 +36,6 @@ typedef struct {
 /* The widest kernel of this precision that the processor runs, or the one with this many lanes; NULL: there
    is none. */
 const Kernel *kernel_find(const char *precision, int lanes);
-/* All that were built, whether or not they run here; NULL at the end. */
+/* All that were built, NULL at the end; and whether number i runs here. */
 const Kernel *kernel_built(int i);
-int kernel_runs(const Kernel *kernel);
+int kernel_runs(int i);

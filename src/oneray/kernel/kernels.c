@@ -20,9 +20,10 @@
 KERNELS(X)
 #undef X
 
-typedef struct { const Kernel *kernel; int level; } Row;
-
-static const Row rows[] = {
+static const struct {
+    const Kernel *kernel;
+    int level;
+} rows[] = {
 #define X(precision, lanes, level) {&kernel_##precision##_##lanes, level},
     KERNELS(X)
 #undef X
@@ -31,19 +32,16 @@ static const Row rows[] = {
 
 const Kernel *kernel_built(int i) { return rows[i].kernel; }
 
-int kernel_runs(const Kernel *kernel)
+int kernel_runs(int i)
 {
-    for (const Row *row = rows; row->kernel; row++)
-        if (row->kernel == kernel)
-            return row->level == 0 || (row->level == 1 && HAS_MIDDLE) || (row->level == 2 && HAS_WIDE);
-    return 0;
+    return rows[i].level == 0 || (rows[i].level == 1 && HAS_MIDDLE) || (rows[i].level == 2 && HAS_WIDE);
 }
 
 const Kernel *kernel_find(const char *precision, int lanes)
 {
-    for (const Row *row = rows; row->kernel; row++)
-        if (!strcmp(row->kernel->precision, precision) && (lanes == 0 || row->kernel->lanes == lanes)
-            && kernel_runs(row->kernel))
-            return row->kernel;
+    for (int i = 0; rows[i].kernel; i++)
+        if (!strcmp(rows[i].kernel->precision, precision) && (lanes == 0 || rows[i].kernel->lanes == lanes)
+            && kernel_runs(i))
+            return rows[i].kernel;
     return NULL;
 }

@@ -1,7 +1,7 @@
 /* The kernel's loop: the samples of a job as paths, W at a time. */
 #pragma once
 
-#include "kernel/instance.h"
+#include "kernel/kernel.h"
 #include "estimators/light.h"
 
 /* The samples of a job, in order, W at a time: their camera rays are made together, then given out lane by
@@ -87,18 +87,15 @@ INLINE void note_pixel(const Path *path, Mask lanes, int64_t *pixel)
 
 INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Features f)
 {
-    Path path;
-    memset(&path, 0, sizeof path);
-    Queue queue;
-    memset(&queue, 0, sizeof queue);
+    Path path = {0};
+    Queue queue = {.used = LANES,
+        .count = job->pixel_count * job->sample_count,
+        .pixel = job->first_pixel,
+        .x = job->first_pixel % (uint64_t)scene->width,
+        .y = job->first_pixel / (uint64_t)scene->width,
+        .sample = job->first_sample};
     path.rng.key[0] = queue.start.rng.key[0] = (uint32_t)job->seed;
     path.rng.key[1] = queue.start.rng.key[1] = (uint32_t)(job->seed >> 32);
-    queue.count = job->pixel_count * job->sample_count;
-    queue.used = LANES;
-    queue.sample = job->first_sample;
-    queue.pixel = job->first_pixel;
-    queue.x = job->first_pixel % (uint64_t)scene->width;
-    queue.y = job->first_pixel / (uint64_t)scene->width;
     Mask busy = mask_none();
     for (;;) {
         if (queue.next < queue.count && any(mask_not(busy)))
@@ -121,3 +118,14 @@ INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Featur
         counters->shadow_rays += (uint64_t)llabs((long long)LANE(path.shadow_rays, lane));
     }
 }
+
+/* An instance of the tracer: compiled for a set of features, what is not in the set folds away. */
+typedef struct {
+    const char *name; /* NULL at the end of a table */
+    Features set;
+    void (*render)(const Scene *scene, const Job *job, Counters *counters);
+} Instance;
+
+#ifdef INSTANCES
+extern const Instance INSTANCES[]; /* those of these lanes and this precision, the leanest first */
+#endif
