@@ -62,7 +62,7 @@ static inline void area_put(const Area *e, Emitters *emitters, int i) { (void)e,
 static inline void area_leaf(const Emitters *emitters, int i, Leaf *leaf)
 {
     double x[3], y[3];
-    if (emitters->site[i] == SITE_SPHERE) {
+    if (emitters->shape[i] == SHAPE_SPHERE) {
         leaf->radius = fabs((double)emitters->radius[i]);
         leaf->power *= PI * leaf->radius * leaf->radius;
         return;
@@ -82,14 +82,14 @@ INLINE void sample_flat(const Emitters *emitters, Index i, Real u, Real v, Real 
 {
     rectangle_sample(u, v, x, y);
     if (f.has & HAS_DISK) {
-        Mask disk = is_site(emitters, SITE_DISK, i, f);
+        Mask disk = shines_from(emitters, SHAPE_DISK, i, f);
         Real disk_x, disk_y;
         disk_sample(u, v, &disk_x, &disk_y);
         *x = select(disk, disk_x, *x);
         *y = select(disk, disk_y, *y);
     }
     if (f.has & HAS_MESH_LIGHT) {
-        Mask triangle = is_site(emitters, SITE_MESH, i, f);
+        Mask triangle = shines_from(emitters, SHAPE_MESH, i, f);
         Real second, third;
         sample_triangle(u, v, &second, &third);
         *x = select(triangle, second, *x);
@@ -111,7 +111,7 @@ INLINE void sample_area(const Emitters *emitters, Index i, Real u, Real v, Vec *
         *normal = vec_of_light(emitters->normal, i, f);
     }
     if (f.has & HAS_SPHERE_LIGHT) {
-        Mask ball = is_site(emitters, SITE_SPHERE, i, f);
+        Mask ball = shines_from(emitters, SHAPE_SPHERE, i, f);
         Vec on, outward;
         sphere_sample(center, of_light(emitters->radius, i, f), u, v, &on, &outward);
         *point = vec_select(ball, on, *point);
@@ -123,7 +123,7 @@ INLINE void sample_area(const Emitters *emitters, Index i, Real u, Real v, Vec *
 INLINE Mask is_itself(const Emitters *emitters, Index i, const Receiver *at, Features f)
 {
     Mask itself = index_of_light(emitters->slot, i, f) == at->slot;
-    return f.has & HAS_SPHERE_LIGHT ? and_not(itself, is_site(emitters, SITE_SPHERE, i, f)) : itself;
+    return f.has & HAS_SPHERE_LIGHT ? and_not(itself, shines_from(emitters, SHAPE_SPHERE, i, f)) : itself;
 }
 
 /* L2, L3, L5 E = L A cosθ_light cosθ/d²; the receiver's cosine is left to the caller. */

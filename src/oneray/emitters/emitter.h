@@ -20,13 +20,6 @@
 
 #include <math.h>
 
-/* What a light is: for an area light the kind of shape that it shines from, a rectangle for a cube's face. */
-typedef enum {
-#define X(NAME, name, words) SITE_##NAME,
-    SHAPES(X) EMITTERS(X) SITES
-#undef X
-} Site;
-
 /* The lights as a tree, for choosing one by what it may contribute (choice.h). Node 0 is the root; the
    children of a node are next to each other. */
 enum {
@@ -68,7 +61,8 @@ enum {
 
 typedef struct {
     int count;
-    Int *site;          /* Site, by light, as all below */
+    Int *kind;          /* EmitterKind, by light, as all below */
+    Int *shape;         /* ShapeKind that an area light shines from, a rectangle for a cube's face; else -1 */
     Num (*emission)[3]; /* radiance, intensity or irradiance (LightFrom in traits.h) */
     Num (*position)[3]; /* center of a flat light or sphere; point, spot */
     Num (*edge_x)[3],
@@ -124,13 +118,9 @@ INLINE Light emission_of(const Emitters *emitters, Index i, Features f)
 {
     return f.has & HAS_MANY_LIGHTS ? light_gather(emitters->emission[0], i * 3) : light_of(emitters->emission[0]);
 }
-INLINE Mask is_site(const Emitters *emitters, Site site, Index i, Features f)
+INLINE Mask shines_from(const Emitters *emitters, ShapeKind shape, Index i, Features f)
 {
-    return index_of_light(emitters->site, i, f) == index_of(site);
-}
-INLINE Mask is_area(const Emitters *emitters, Index i, Features f)
-{
-    return index_of_light(emitters->slot, i, f) >= 0;
+    return index_of_light(emitters->shape, i, f) == index_of(shape);
 }
 
 /* What the tree of lights knows of one. */

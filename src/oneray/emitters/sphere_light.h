@@ -33,7 +33,7 @@ INLINE SphereView view_sphere(const Emitters *emitters, Index i, const Receiver 
     Real radius = real_abs(of_light(emitters->radius, i, f));
     view.distance = vec_length(to_center);
     view.axis = vec_scale(to_center, real(1) / view.distance);
-    view.outside = is_site(emitters, SITE_SPHERE, i, f) & (view.distance > radius)
+    view.outside = shines_from(emitters, SHAPE_SPHERE, i, f) & (view.distance > radius)
                    & (at->slot != index_of_light(emitters->slot, i, f));
     Real s = radius / view.distance;
     view.extent = s * s / (real(1) + real_sqrt((real(1) - s) * (real(1) + s)));

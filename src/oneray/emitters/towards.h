@@ -3,10 +3,6 @@
 
 #include "kinds/emitters.h"
 
-/* Which lanes have this kind of light; where a scene has no other, none is looked up. */
-#define ONE_KIND_OF_LIGHT(f) IS_ONE((f).has & HAS_ANY(EMITTERS))
-#define IS_KIND(NAME) (SITE_##NAME == SITE_AREA ? is_area(emitters, i, f) : is_site(emitters, SITE_##NAME, i, f))
-
 INLINE LightSample sample_select(Mask m, LightSample a, LightSample b)
 {
     return (LightSample){vec_select(m, a.wi, b.wi), select(m, a.distance, b.distance),
@@ -18,12 +14,13 @@ INLINE LightSample sample_select(Mask m, LightSample a, LightSample b)
 STAGE LightSample sample_light_point(
     const Emitters *emitters, Index i, Real inverse_choice, const Receiver *at, Real u, Real v, Features f)
 {
-    int alone = ONE_KIND_OF_LIGHT(f);
+    int one_kind = IS_ONE(f.has & HAS_ANY(EMITTERS));
     LightSample s = {vec_all(real(0)), real(NUM_MAX), light_all(real(0)), real(0), index_of(-1), i};
+    Index kind = one_kind ? index_of(0) : index_of_light(emitters->kind, i, f);
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         LightSample one = name##_towards(emitters, i, at, u, v, f);                                          \
-        s = alone ? one : sample_select(IS_KIND(NAME), one, s);                               \
+        s = one_kind ? one : sample_select(kind == index_of(EMITTER_##NAME), one, s);                        \
     }
     EMITTERS(X)
 #undef X
@@ -32,18 +29,22 @@ STAGE LightSample sample_light_point(
     return s;
 }
 
+INLINE FirstRay first_ray_select(Mask m, FirstRay a, FirstRay b)
+{
+    return (FirstRay){vec_select(m, a.o, b.o), vec_select(m, a.d, b.d), index_select(m, a.from, b.from),
+        light_select(m, a.flux, b.flux)};
+}
+
 /* L17 One ray from light i: `place` is where on it, `way` the direction. */
 INLINE FirstRay sample_first_ray(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
 {
-    int alone = ONE_KIND_OF_LIGHT(f);
+    int one_kind = IS_ONE(f.has & HAS_ANY(EMITTERS));
     FirstRay ray = {vec_all(real(0)), vec_all(real(1)), index_of(-1), light_all(real(0))};
+    Index kind = one_kind ? index_of(0) : index_of_light(emitters->kind, i, f);
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         FirstRay one = name##_emit(emitters, i, place, way, f);                                              \
-        Mask is = IS_KIND(NAME);                                                                             \
-        ray = alone ? one                                                                                  \
-                                   : (FirstRay){vec_select(is, one.o, ray.o), vec_select(is, one.d, ray.d),  \
-                                         index_select(is, one.from, ray.from), light_select(is, one.flux, ray.flux)}; \
+        ray = one_kind ? one : first_ray_select(kind == index_of(EMITTER_##NAME), one, ray);                 \
     }
     EMITTERS(X)
 #undef X

@@ -38,7 +38,7 @@ INLINE Light sky_met(const Path *path, const Scene *scene, Hit hit, Features f)
     if (!any(missed))
         return radiance;
 #define X(NAME, name, words)                                                                                 \
-    if ((f.has & HAS_##NAME) && emitters->site[emitters->sky] == SITE_##NAME) {                              \
+    if ((f.has & HAS_##NAME) && emitters->kind[emitters->sky] == EMITTER_##NAME) {                           \
         radiance = name##_radiance(emitters, path->ray.d);                                                   \
         pdf_w = name##_pdf_w(emitters, path->ray.d);                                                         \
     }

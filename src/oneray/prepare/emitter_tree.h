@@ -12,7 +12,7 @@ static Leaf leaf_of(const Emitters *emitters, int i, double largest)
         leaf.power += (double)emitters->emission[i][c] / largest / 3;
     }
 #define X(NAME, name, words)                                                                                 \
-    if (emitters->site[i] == SITE_##NAME || (SITE_##NAME == SITE_AREA && emitters->slot[i] >= 0))            \
+    if (emitters->kind[i] == EMITTER_##NAME)                                                                 \
         name##_leaf(emitters, i, &leaf);
     EMITTERS(X)
 #undef X

@@ -17,7 +17,7 @@ static double bounding_ball(const Description *d, double center[3])
 
 /* How many lights of the kernel's kind a light of the scene is: a cube shines as six rectangles, a mesh as
    its triangles; one of no power as none. */
-static int sites_of(const Description *d, const Emitter *light)
+static int lights_of(const Description *d, const Emitter *light)
 {
     if (!emitter_has_power(light))
         return 0;
@@ -74,27 +74,6 @@ static void prepare_alias(Scene *scene, const double *p)
     free(order);
 }
 
-/* A triangle that shines. */
-static void prepare_triangle_site(
-    Scene *scene, const Description *d, const Emitter *light, int i, int k, int row)
-{
-    Emitters *emitters = &scene->emitters;
-    const Shape *shape = &d->shapes[light->shape];
-    int slot = scene->shapes.triangles.first_slot + shape->as.mesh.first_triangle + k;
-    Side side = shape_side(shape, k);
-    emitters->site[i] = SITE_MESH;
-    emitters->area[i] = (Num)side.area;
-    emitters->slot[i] = slot;
-    store(emitters->position[i], side.middle);
-    store(emitters->edge_x[i], side.x);
-    store(emitters->edge_y[i], side.y);
-    store(emitters->normal[i], side.normal);
-    if (k > 0)
-        return;
-    store(emitters->slot_emission[row], emitter_traits(light).emission);
-    emitters->slot_light[row] = i - slot;
-}
-
 static void prepare_panel(Num panel[PANEL_NUMBERS], double half_x, double half_y)
 {
     double longer = fmax(half_x, half_y);
@@ -107,38 +86,40 @@ static void prepare_panel(Num panel[PANEL_NUMBERS], double half_x, double half_y
     panel[PANEL_SCALE] = (Num)(1 / longer);
 }
 
-/* The side of a shape that shines: where it is, its half sides, its normal, by side k. */
-static void prepare_site(Scene *scene, const Description *d, const Emitter *light, int i, int k, int slot)
+/* Side k of a shape that shines, whose first slot, or a mesh's row, is `row`: where it is, its half sides, its normal. */
+static void prepare_side(Scene *scene, const Description *d, const Emitter *light, int i, int k, int row)
 {
     Emitters *emitters = &scene->emitters;
     const Shape *shape = &d->shapes[light->shape];
     Side side = shape_side(shape, k);
-    bool panel = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_CUBE;
-    emitters->site[i] = panel ? SITE_RECTANGLE : (Int)shape->kind; /* shapes are the first sites */
+    bool mesh = shape->kind == SHAPE_MESH, panel = shape->kind == SHAPE_RECTANGLE || shape->kind == SHAPE_CUBE;
+    int slot = mesh ? scene->shapes.triangles.first_slot + shape->as.mesh.first_triangle + k : row + k;
+    emitters->shape[i] = (Int)(panel ? SHAPE_RECTANGLE : shape->kind);
     emitters->area[i] = (Num)side.area;
     emitters->slot[i] = slot;
     store(emitters->position[i], side.middle);
     store(emitters->edge_x[i], side.x);
     store(emitters->edge_y[i], side.y);
-    if (!shape_planes(shape->kind))
+    if (mesh)
+        store(emitters->normal[i], side.normal);
+    else if (!shape_planes(shape->kind))
         emitters->radius[i] = scene->shapes.anchor[slot][3];
     else
         memcpy(emitters->normal[i], scene->shapes.anchor[slot], sizeof emitters->normal[i]);
     if (panel && fabs(dot(side.x, side.y)) <= 1e-12 * length(side.x) * length(side.y))
         prepare_panel(emitters->panel[i], length(side.x), length(side.y));
-    store(emitters->slot_emission[slot], emitter_traits(light).emission);
-    emitters->slot_light[slot] = i;
+    store(emitters->slot_emission[mesh ? row : slot], emitter_traits(light).emission);
+    emitters->slot_light[mesh ? row : slot] = mesh ? i - slot : i;
 }
 
 /* A light that is no shape. */
 static void prepare_free(Emitters *emitters, const Emitter *light, int i)
 {
     emitters->area[i] = 1;
-    emitters->slot[i] = -1;
+    emitters->slot[i] = emitters->shape[i] = -1;
     switch (light->kind) {
 #define X(NAME, name, words)                                                                                 \
     case EMITTER_##NAME:                                                                                     \
-        emitters->site[i] = SITE_##NAME;                                                                     \
         name##_put(&light->as.name, emitters, i);                                                            \
         break;
         EMITTERS(X)
@@ -153,7 +134,8 @@ static void keep_emitters(Scene *scene)
 {
     Emitters *emitters = &scene->emitters;
     size_t n = (size_t)emitters->count, slots = (size_t)scene->shapes.slot_count;
-    emitters->site = keep(scene, n, sizeof *emitters->site);
+    emitters->kind = keep(scene, n, sizeof *emitters->kind);
+    emitters->shape = keep(scene, n, sizeof *emitters->shape);
     emitters->emission = keep(scene, n, sizeof *emitters->emission);
     emitters->position = keep(scene, n, sizeof *emitters->position);
     emitters->edge_x = keep(scene, n, sizeof *emitters->edge_x);
@@ -194,7 +176,7 @@ static void prepare_emitters(
     store(emitters->world_center, center);
     emitters->world_radius = (Num)radius;
     for (int i = 0; i < d->emitter_count; i++) {
-        emitters->count += sites_of(d, &d->emitters[i]);
+        emitters->count += lights_of(d, &d->emitters[i]);
         largest_mean = fmax(largest_mean, mean_emission(&d->emitters[i]));
     }
     keep_emitters(scene);
@@ -202,17 +184,16 @@ static void prepare_emitters(
         for (int k = 0; d->shapes[i].emitter >= 0 && k < slots_of(d->shapes[i].kind); k++)
             scene->shapes.shines[first_slot[i] + k] = 1;
     double *power = allocate((size_t)emitters->count, sizeof *power);
-    for (int i = 0, site = 0; i < d->emitter_count; i++)
-        for (int k = 0; k < sites_of(d, &d->emitters[i]); k++, site++) {
-            const Emitter *light = &d->emitters[i];
-            store(emitters->emission[site], emitter_traits(light).emission);
-            power[site] = power_of(d, light, k, radius, largest_mean);
-            if (light->kind == EMITTER_AREA && d->shapes[light->shape].kind == SHAPE_MESH)
-                prepare_triangle_site(scene, d, light, site, k, first_slot[light->shape]);
-            else if (light->kind == EMITTER_AREA)
-                prepare_site(scene, d, light, site, k, first_slot[light->shape] + k);
+    for (int e = 0, i = 0; e < d->emitter_count; e++)
+        for (int k = 0; k < lights_of(d, &d->emitters[e]); k++, i++) {
+            const Emitter *light = &d->emitters[e];
+            emitters->kind[i] = (Int)light->kind;
+            store(emitters->emission[i], emitter_traits(light).emission);
+            power[i] = power_of(d, light, k, radius, largest_mean);
+            if (light->kind == EMITTER_AREA)
+                prepare_side(scene, d, light, i, k, first_slot[light->shape]);
             else
-                prepare_free(emitters, light, site);
+                prepare_free(emitters, light, i);
         }
     if (scene->features.use & USE_CONTRIBUTION)
         prepare_tree(scene);

@@ -74,7 +74,7 @@ static Features features_of(const Description *d, const Technique *technique)
         f.has |= HAS_TREE;
     for (int i = 0; i < d->emitter_count; i++) {
         f.has |= emitter_has_power(&d->emitters[i]) ? features_of_emitter(d, &d->emitters[i]) : 0;
-        emitters += sites_of(d, &d->emitters[i]);
+        emitters += lights_of(d, &d->emitters[i]);
     }
     if (emitters > 1)
         f.has |= HAS_MANY_LIGHTS;
