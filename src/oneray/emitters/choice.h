@@ -15,16 +15,12 @@
    true contributions are far below it. `count` gets the number of those lights. */
 STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at, Real *count)
 {
-    const Num *first = tree->nodes;
-    Index row = node * NODE_NUMBERS;
-    Real of[NODE_NUMBERS];
-    gather_four(first, row, of);
-    gather_four(first + 4, row, of + 4);
-    gather_four(first + 8, row, of + 8);
-    gather_four(first + 12, row, of + 12);
-    Vec to_center = vec_sub(vec(of[NODE_CENTER], of[NODE_CENTER + 1], of[NODE_CENTER + 2]), at->p);
-    Vec axis = vec(of[NODE_AXIS], of[NODE_AXIS + 1], of[NODE_AXIS + 2]);
-    Real radius = of[NODE_RADIUS], cone = of[NODE_COS], sine = of[NODE_SIN];
+    Real row[16];
+    gather_row(tree->nodes, node, 16, row);
+#define NODE(number) row[IN_ROW(LightNode, number)]
+    Vec to_center = vec_sub(vec(NODE(center[0]), NODE(center[1]), NODE(center[2])), at->p);
+    Vec axis = vec(NODE(axis[0]), NODE(axis[1]), NODE(axis[2]));
+    Real radius = NODE(radius), cone = NODE(cos), sine = NODE(sin);
     Real dd = vec_dot(to_center, to_center), along = -vec_dot(axis, to_center); /* d cosθ: to the cone's axis */
     Real across = real_sqrt(real_max(dd - along * along, real(0)));
     Mask within = along * sine > across * cone;
@@ -32,10 +28,11 @@ STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at
     d_cos_i = select(at->both_sides, real_abs(d_cos_i), d_cos_i);
     Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
     d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
-    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + of[NODE_SLACK], real(0)));
+    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + NODE(slack), real(0)));
     Real nearness = real(1) / real_max(dd + real(SPREAD) * radius * radius, real(NEAREST));
-    *count = of[NODE_COUNT];
-    return of[NODE_FAR] + of[NODE_POWER] * (d_cos_i * nearness) * (d_cos_o * nearness);
+    *count = NODE(count);
+    return NODE(far) + NODE(power) * (d_cos_i * nearness) * (d_cos_o * nearness);
+#undef NODE
 }
 
 /* L18 The region of space that a point lies in. */

@@ -22,22 +22,19 @@
 
 /* The lights as a tree, for choosing one by what it may contribute (choice.h). Node 0 is the root; the
    children of a node are next to each other. */
-enum {
-    NODE_CENTER = 0,
-    NODE_RADIUS = 3, /* a ball around the node's lights */
-    NODE_AXIS = 4,
-    NODE_COS = 7,
-    NODE_SIN = 8,    /* a cone around the normals of what shines */
-    NODE_SLACK = 9,  /* how much nearer than the center's the cosine at the light can come, m */
-    NODE_POWER = 10, /* Φ/π of lights at a place, W·sr⁻¹ */
-    NODE_FAR = 11,   /* irradiance of lights without a place, W·m⁻² */
-    NODE_COUNT = 12, /* lights below */
-    NODE_NUMBERS = 16 /* in fours */
-};
+typedef struct {
+    Num center[3], radius; /* a ball around the node's lights */
+    Num axis[3], cos, sin; /* a cone around the normals of what shines */
+    Num slack;             /* how much nearer than the center's the cosine at the light can come, m */
+    Num power;             /* Φ/π of lights at a place, W·sr⁻¹ */
+    Num far;               /* irradiance of lights without a place, W·m⁻² */
+    Num count;             /* lights below */
+    Num unused[3];         /* a row is read in fours */
+} LightNode;
 enum { LEARNED_NODES = 127 }; /* those nodes, the uppermost, have a learned visibility */
 
 typedef struct {
-    Num *nodes;        /* [node][NODE_NUMBERS] */
+    LightNode *nodes;
     Int *child;        /* by node: its first child, or -1 - light */
     Int *trail;        /* by light: the way down to it, bit k set where level k goes to the second child */
     Num uniform_share; /* how often the choice goes by count instead of by contribution */
@@ -48,16 +45,11 @@ typedef struct {
 } LightTree;
 
 /* A rectangle in units of its longer half side M. */
-enum {
-    PANEL_X = 0,
-    PANEL_Y = 1, /* its half sides */
-    PANEL_INVERSE_X = 2,
-    PANEL_INVERSE_Y = 3,
-    PANEL_ALONG_X = 4,
-    PANEL_ALONG_Y = 5, /* from what a vector has along edge_x, edge_y (m²) */
-    PANEL_SCALE = 6,   /* 1/M, m⁻¹ */
-    PANEL_NUMBERS = 8
-};
+typedef struct {
+    Num x, y, inverse_x, inverse_y; /* its half sides */
+    Num along_x, along_y;           /* from what a vector has along edge_x, edge_y (m²) */
+    Num scale, unused;              /* 1/M, m⁻¹ */
+} Panel;
 
 typedef struct {
     int count;
@@ -68,7 +60,7 @@ typedef struct {
     Num (*edge_x)[3],
         (*edge_y)[3];        /* flat: half the sides, of a triangle two sides from one corner; edge_x of a spot or directional light: its direction */
     Num (*normal)[3];        /* flat: unit normal of the side that shines */
-    Num (*panel)[8];         /* PANEL_*: of a rectangle with right angles, else 0 */
+    Panel *panel;            /* of a rectangle with right angles, else 0 */
     Num *radius;             /* sphere, negative where it shines inwards */
     Num *extent;             /* spot: 1 - cos of the cutoff angle */
     Num *cutoff, *beam;      /* spot: angles, radians */

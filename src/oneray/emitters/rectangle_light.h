@@ -39,21 +39,19 @@ INLINE void see_rectangle(RectangleView *view)
 STAGE RectangleView view_rectangle(const Emitters *emitters, Index i, const Receiver *at, Features f)
 {
     RectangleView view;
-    Real panel[PANEL_NUMBERS];
-    if (f.has & HAS_MANY_LIGHTS) {
-        gather_four(emitters->panel[0], i * PANEL_NUMBERS, panel);
-        gather_four(emitters->panel[0] + 4, i * PANEL_NUMBERS, panel + 4);
-    }
-#define PANEL(k) (f.has & HAS_MANY_LIGHTS ? panel[k] : real(emitters->panel[0][k]))
-    Real half_x = PANEL(PANEL_X), half_y = PANEL(PANEL_Y), scale = PANEL(PANEL_SCALE);
+    Real row[8];
+    if (f.has & HAS_MANY_LIGHTS)
+        gather_row(emitters->panel, i, 8, row);
+#define PANEL(number) (f.has & HAS_MANY_LIGHTS ? row[IN_ROW(Panel, number)] : real(emitters->panel->number))
+    Real half_x = PANEL(x), half_y = PANEL(y), scale = PANEL(scale);
     Vec to_center = vec_sub(vec_of_light(emitters->position, i, f), at->p), d = vec_scale(to_center, scale);
     view.serves =
         (half_x > real(0)) & (vec_dot(d, d) < real(RECTANGLE_NEAR) * (half_x * half_x + half_y * half_y));
     if (!any(view.serves))
         return view;
-    view.center_x = vec_dot(to_center, vec_of_light(emitters->edge_x, i, f)) * PANEL(PANEL_ALONG_X);
-    view.center_y = vec_dot(to_center, vec_of_light(emitters->edge_y, i, f)) * PANEL(PANEL_ALONG_Y);
-    view.inverse_x = PANEL(PANEL_INVERSE_X), view.inverse_y = PANEL(PANEL_INVERSE_Y);
+    view.center_x = vec_dot(to_center, vec_of_light(emitters->edge_x, i, f)) * PANEL(along_x);
+    view.center_y = vec_dot(to_center, vec_of_light(emitters->edge_y, i, f)) * PANEL(along_y);
+    view.inverse_x = PANEL(inverse_x), view.inverse_y = PANEL(inverse_y);
 #undef PANEL
     view.x0 = view.center_x - half_x, view.x1 = view.center_x + half_x;
     view.y0 = view.center_y - half_y, view.y1 = view.center_y + half_y;

@@ -9,6 +9,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -282,6 +283,15 @@ INLINE void gather_four(const Num *table, Index at, Real out[4])
     for (int k = 0; k < 4; k++)
         out[k] = gather(table + k, at);
 #endif
+}
+
+/* All `size` numbers of each lane's row of a table of structs, a multiple of four; a member by name: out[IN_ROW(Name,
+   member)]. */
+#define IN_ROW(Name, member) (offsetof(Name, member) / sizeof(Num))
+INLINE void gather_row(const void *table, Index row, int size, Real *out)
+{
+    UNROLLED for (int k = 0; k < size; k += 4)
+        gather_four((const Num *)table + k, row * size, out + k);
 }
 
 /* 1.5·2^23 or 1.5·2^52: added to a number, it leaves the nearest integer in the low bits of the fraction. */

@@ -60,7 +60,7 @@ static double cone_around(const Leaf *leaves, int count, double axis[3])
 
 /* The numbers of the node above these leaves; extent gets how far their centers are apart along each axis. A
    ball and cone that rounding could have cut into are made a little larger. */
-static void set_node(Num *node, const Leaf *leaves, int count, double extent[3])
+static void set_node(LightNode *node, const Leaf *leaves, int count, double extent[3])
 {
     double center[3], axis[3], radius = ball_around(leaves, count, center, extent) * (1 + 1e-6);
     double spread = cone_around(leaves, count, axis), power = 0, far = 0;
@@ -70,15 +70,15 @@ static void set_node(Num *node, const Leaf *leaves, int count, double extent[3])
         power += leaves[i].power;
         far += leaves[i].far;
     }
-    store(node + NODE_CENTER, center);
-    store(node + NODE_AXIS, axis);
-    node[NODE_RADIUS] = (Num)radius;
-    node[NODE_COS] = (Num)cos(spread);
-    node[NODE_SIN] = (Num)sin(spread);
-    node[NODE_SLACK] = count > 1 ? (Num)radius : 0;
-    node[NODE_POWER] = (Num)power;
-    node[NODE_FAR] = (Num)far;
-    node[NODE_COUNT] = (Num)count;
+    store(node->center, center);
+    store(node->axis, axis);
+    node->radius = (Num)radius;
+    node->cos = (Num)cos(spread);
+    node->sin = (Num)sin(spread);
+    node->slack = count > 1 ? (Num)radius : 0;
+    node->power = (Num)power;
+    node->far = (Num)far;
+    node->count = (Num)count;
 }
 
 static int by_key(const void *a, const void *b)
@@ -103,7 +103,7 @@ static void prepare_tree(Scene *scene)
     size_t n = (size_t)emitters->count;
     Leaf *leaves = allocate(n, sizeof *leaves);
     Branch *branches = allocate(2 * n, sizeof *branches);
-    tree->nodes = keep(scene, 2 * n, NODE_NUMBERS * sizeof(Num));
+    tree->nodes = keep(scene, 2 * n, sizeof *tree->nodes);
     tree->child = keep(scene, 2 * n, sizeof *tree->child);
     tree->trail = keep(scene, n, sizeof *tree->trail);
     tree->uniform_share = (Num)0.5;
@@ -117,7 +117,7 @@ static void prepare_tree(Scene *scene)
     for (int node = 0, used = 1; node < used; node++) {
         Branch b = branches[node];
         double extent[3];
-        set_node(tree->nodes + node * NODE_NUMBERS, leaves + b.first, b.count, extent);
+        set_node(&tree->nodes[node], leaves + b.first, b.count, extent);
         if (b.count == 1) {
             tree->child[node] = -1 - leaves[b.first].emitter;
             tree->trail[leaves[b.first].emitter] = b.trail;

@@ -74,16 +74,16 @@ static void prepare_alias(Scene *scene, const double *p)
     free(order);
 }
 
-static void prepare_panel(Num panel[PANEL_NUMBERS], double half_x, double half_y)
+static Panel panel_of(double half_x, double half_y)
 {
     double longer = fmax(half_x, half_y);
-    panel[PANEL_X] = (Num)(half_x / longer);
-    panel[PANEL_Y] = (Num)(half_y / longer);
-    panel[PANEL_INVERSE_X] = (Num)(longer / half_x);
-    panel[PANEL_INVERSE_Y] = (Num)(longer / half_y);
-    panel[PANEL_ALONG_X] = (Num)(1 / half_x / longer);
-    panel[PANEL_ALONG_Y] = (Num)(1 / half_y / longer);
-    panel[PANEL_SCALE] = (Num)(1 / longer);
+    return (Panel){.x = (Num)(half_x / longer),
+        .y = (Num)(half_y / longer),
+        .inverse_x = (Num)(longer / half_x),
+        .inverse_y = (Num)(longer / half_y),
+        .along_x = (Num)(1 / half_x / longer),
+        .along_y = (Num)(1 / half_y / longer),
+        .scale = (Num)(1 / longer)};
 }
 
 /* Side k of a shape that shines, whose first slot, or a mesh's row, is `row`: where it is, its half sides, its normal. */
@@ -107,7 +107,7 @@ static void prepare_side(Scene *scene, const Description *d, const Emitter *ligh
     else
         memcpy(emitters->normal[i], scene->shapes.anchor[slot], sizeof emitters->normal[i]);
     if (panel && fabs(dot(side.x, side.y)) <= 1e-12 * length(side.x) * length(side.y))
-        prepare_panel(emitters->panel[i], length(side.x), length(side.y));
+        emitters->panel[i] = panel_of(length(side.x), length(side.y));
     store(emitters->slot_emission[mesh ? row : slot], emitter_traits(light).emission);
     emitters->slot_light[mesh ? row : slot] = mesh ? i - slot : i;
 }
