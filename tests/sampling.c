@@ -143,8 +143,8 @@ OVER_COLUMNS(dielectric)
     (void)scene;
     Real c = get(b, 0), ratio = get(b, 1), c_t = refracted_cosine(c, ratio);
     put(b, 0, c_t);
-    put(b, 1, fresnel_dielectric(c, c_t, ratio));
-    put(b, 2, fresnel_schlick(c, c_t, ratio));
+    put(b, 1, fresnel_transmittance(c, c_t, ratio));
+    put(b, 2, schlick_transmittance(c, c_t, ratio));
 }
 OVER_COLUMNS(conductor)
 {

@@ -63,7 +63,7 @@ INLINE Real refracted_cosine(Real c, Real ratio)
 /* L15 Transmittance of a boundary between dielectrics for unpolarised light, exact: the mean of
    4 η_o c η_t c_t/(η_o c + η_t c_t)² and the same with η_o and η_t exchanged in the sum; 0 in total reflection. As a
    product, not as 1 - reflectance, it keeps its digits at grazing angles and next to total reflection. */
-INLINE Real fresnel_dielectric(Real c, Real c_t, Real ratio)
+INLINE Real fresnel_transmittance(Real c, Real c_t, Real ratio)
 {
     Real rc = ratio * c, rc_t = ratio * c_t, s = rc + c_t, p = rc_t + c;
     return only(c_t > real(0), real(2) * ((rc / s) * (c_t / s) + (c / p) * (rc_t / p)));
@@ -71,7 +71,7 @@ INLINE Real fresnel_dielectric(Real c, Real c_t, Real ratio)
 
 /* L15 1 minus Schlick's approximation as in the lecture, R0 + (1 - R0)(1 - c)⁵, with the cosine on the side of the
    smaller index. Total reflection is exact. */
-INLINE Real fresnel_schlick(Real c, Real c_t, Real ratio)
+INLINE Real schlick_transmittance(Real c, Real c_t, Real ratio)
 {
     Real r = (ratio - real(1)) / (ratio + real(1)), x = real(1) - select(ratio > real(1), c_t, c);
     Real xx = x * x;
@@ -82,7 +82,7 @@ INLINE Scatter dielectric_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
     Real ratio = ROW_REAL(materials, part->row, Dielectric, ratio), c = s->cos_o, c_t = refracted_cosine(c, ratio);
-    Real transmittance = f.use & USE_SCHLICK ? fresnel_schlick(c, c_t, ratio) : fresnel_dielectric(c, c_t, ratio);
+    Real transmittance = f.use & USE_SCHLICK ? schlick_transmittance(c, c_t, ratio) : fresnel_transmittance(c, c_t, ratio);
     Mask reflects = real(1) - u[0] >= transmittance;
     Vec refracted = vec_sub(vec_scale(s->n, ratio * c - c_t), vec_scale(s->wo, ratio));
     Light tint = ROW_LIGHT(materials, part->row, Dielectric, transmittance);
