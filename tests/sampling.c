@@ -195,7 +195,7 @@ void learn_anything(void *prepared, const double box[6], uint32_t seed)
     store(lesson.high, box + 3);
     size_t numbers = lay_regions(tree, &lesson, 4);
     tree->visible = keep(scene, numbers, sizeof *tree->visible);
-    tree->uniform_share = (Num)LEARNED_UNIFORM_SHARE;
+    tree->p_by_count = (Num)LEARNED_P_BY_COUNT;
     for (size_t k = 0; k < numbers; k++) {
         seed = seed * 1664525u + 1013904223u;
         tree->visible[k] = (Num)learned_share((seed >> 16) % 61, 60);

@@ -56,15 +56,15 @@ INLINE Real learned_visibility(const LightTree *tree, Index region, Index node)
     return select(known, gather(tree->visible, at), real(1));
 }
 
-/* L6 Down the tree to one light, by the children's importance or, with uniform_share, by their counts, either
-   way never into a child of importance 0: p_i = (1 - share) p_contribution + share p_count. `trail`, where a
+/* L6 Down the tree to one light, by the children's importance or, with p_by_count, by their counts, either
+   way never into a child of importance 0: p_i = (1 - p_by_count) p_contribution + p_by_count p_count. `trail`, where a
    lane follows it, says which light to go to: what is wanted is then its probability. Returns 1/p_i. */
 STAGE Real walk_tree(
     const LightTree *tree, const Receiver *at, Mask follow, Index trail, Real u, Real v, Index *light, Features f)
 {
-    Real share = real(tree->uniform_share), p_count = real(1), p_contribution = real(1);
-    Mask by_count = u < share;
-    u = select(by_count, u / share, (u - share) / (real(1) - share));
+    Real p_by_count = real(tree->p_by_count), p_count = real(1), p_contribution = real(1);
+    Mask by_count = u < p_by_count;
+    u = select(by_count, u / p_by_count, (u - p_by_count) / (real(1) - p_by_count));
     Index node = index_of(0), child = index_of(tree->child[0]), region = index_of(0);
     if (f.use & USE_LEARNED)
         region = region_of(tree, at->p);
@@ -94,7 +94,7 @@ STAGE Real walk_tree(
         v = other;
     }
     *light = -1 - child;
-    return real(1) / ((real(1) - share) * p_contribution + share * p_count);
+    return real(1) / ((real(1) - p_by_count) * p_contribution + p_by_count * p_count);
 }
 
 /* L4 The choice: uniform and by power from an alias table (Vose 1991), whatever N is; by contribution from the
@@ -111,7 +111,7 @@ INLINE Index choose_light(
         return light;
     }
     Index i = real_floor(u * real(emitters->count));
-    i = index_select(v < gather(emitters->alias_share, i), i, gather_index(emitters->alias, i));
+    i = index_select(v < gather(emitters->alias_p_stay, i), i, gather_index(emitters->alias, i));
     *inverse_choice = gather(emitters->inverse_choice, i);
     return i;
 }

@@ -37,7 +37,7 @@ typedef struct {
     LightNode *nodes;
     Int *child;        /* by node: its first child, or -1 - light */
     Int *trail;        /* by light: the way down to it, bit k set where level k goes to the second child */
-    Num uniform_share; /* how often the choice goes by count instead of by contribution */
+    Num p_by_count; /* how often the choice goes by count instead of by contribution */
     Num *visible;      /* [region][LEARNED_NODES]: how often the way to the node's lights is free; NULL while
                           nothing is learned */
     Num low[3], scale[3]; /* regions: cells of a grid, region i of axis a from low + i/scale */
@@ -67,7 +67,7 @@ typedef struct {
     Num *area;               /* m²; 1 where there is none */
     Num *inverse_choice;     /* 1/p_i of the choice by uniform or power */
     Int *slot;               /* the surface it is, -1 for none */
-    Num *alias_share;        /* alias table: stay with the light drawn if below this, … */
+    Num *alias_p_stay;        /* alias table: stay with the light drawn if below this, … */
     Int *alias;              /* … else take this one */
     LightTree tree;
     Num (*slot_emission)[3]; /* by slot: radiance along the slot's normal, 0 for what is no light */

@@ -69,4 +69,4 @@ static inline double learned_share(uint32_t seen, uint32_t tested)
 {
     return tested ? (seen + 0.5) / (tested + 1.0) : 1;
 }
-#define LEARNED_UNIFORM_SHARE 0.001 /* what stays for lights that never were seen */
+#define LEARNED_P_BY_COUNT 0.001 /* what stays for lights that never were seen */

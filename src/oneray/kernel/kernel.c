@@ -71,7 +71,7 @@ static void learn(Scene *scene)
         free(lesson.tested);
         free(lesson.seen);
     }
-    scene->emitters.tree.uniform_share = (Num)LEARNED_UNIFORM_SHARE;
+    scene->emitters.tree.p_by_count = (Num)LEARNED_P_BY_COUNT;
     scene->lesson = NULL;
 }
 

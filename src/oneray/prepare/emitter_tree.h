@@ -106,7 +106,7 @@ static void prepare_tree(Scene *scene)
     tree->nodes = keep(scene, 2 * n, sizeof *tree->nodes);
     tree->child = keep(scene, 2 * n, sizeof *tree->child);
     tree->trail = keep(scene, n, sizeof *tree->trail);
-    tree->uniform_share = (Num)0.5;
+    tree->p_by_count = (Num)0.5;
     double largest = 0;
     for (int i = 0; i < emitters->count; i++)
         for (int c = 0; c < 3; c++)

@@ -44,12 +44,12 @@ static double power_of(const Description *d, const Emitter *light, int side, dou
     }
 }
 
-/* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is light i up to alias_share[i],
+/* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is light i up to alias_p_stay[i],
    else alias[i]. Vose, A Linear Algorithm for Generating Random Numbers with a Given Distribution, 1991. */
 static void prepare_alias(Scene *scene, const double *p)
 {
     Emitters *emitters = &scene->emitters;
-    emitters->alias_share = keep(scene, (size_t)emitters->count, sizeof *emitters->alias_share);
+    emitters->alias_p_stay = keep(scene, (size_t)emitters->count, sizeof *emitters->alias_p_stay);
     emitters->alias = keep(scene, (size_t)emitters->count, sizeof *emitters->alias);
     int n = emitters->count, small = 0, large = n;
     int *order = allocate((size_t)n, sizeof *order); /* small columns from the front, large from the back */
@@ -57,12 +57,12 @@ static void prepare_alias(Scene *scene, const double *p)
     for (int i = 0; i < n; i++) {
         share[i] = p[i] * n;
         order[share[i] < 1 ? small++ : --large] = i;
-        emitters->alias_share[i] = 1;
+        emitters->alias_p_stay[i] = 1;
         emitters->alias[i] = i;
     }
     while (small > 0 && large < n) {
         int less = order[--small], more = order[large];
-        emitters->alias_share[less] = (Num)share[less];
+        emitters->alias_p_stay[less] = (Num)share[less];
         emitters->alias[less] = more;
         share[more] -= 1 - share[less];
         if (share[more] < 1) {
