@@ -25,7 +25,7 @@ typedef struct {
     Num *numbers; /* by row 2^shift of them: the NameRow of its kind */
     int shift;
     Int *kind;   /* MaterialKind; a row of zeros is black, and diffuse */
-    Num *chance; /* blend: that it is this row's material, none of those before it being it, … */
+    Num *p_stay; /* blend: that it is this row's material, none of those before it being it, … */
     Int *next;   /* … else the row to go on with */
     Num *share;  /* of the whole blend */
     Int *has;    /* by first row, of all parts: PARTS_TRANSMIT, a finite one does; PARTS_DELTA, there is one */

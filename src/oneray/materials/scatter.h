@@ -39,7 +39,7 @@ INLINE void find_material(const Materials *materials, Surface *s, Features f)
 {
     s->kind = kind_of_row(materials, s->row, f);
     s->reflectance = light_gather(materials->numbers, s->row << materials->shift);
-    s->share = f.has & HAS_BLEND ? gather(materials->chance, s->row) : real(1);
+    s->share = f.has & HAS_BLEND ? gather(materials->p_stay, s->row) : real(1);
     s->delta = is_delta(s->kind, f);
     s->both_sides =
         f.has & FINITE_TRANSMITTING ? (gather_index(materials->has, s->row) & PARTS_TRANSMIT) != 0 : mask_none();
@@ -94,13 +94,13 @@ INLINE void evaluate_other_parts(
     const Materials *materials, const Surface *s, Vec wi, Real cosine, Evaluation *sum, Features f)
 {
     Index row = s->row;
-    Real chance = s->share;
+    Real p_stay = s->share;
     for (int layer = 1; layer < materials->layers; layer++) {
-        Mask more = chance < real(1);
+        Mask more = p_stay < real(1);
         if (!any(more))
             break;
         row = index_select(more, gather_index(materials->next, row), row);
-        chance = select(more, gather(materials->chance, row), real(2));
+        p_stay = select(more, gather(materials->p_stay, row), real(2));
         Index kind = kind_of_row(materials, row, f);
         Part part = part_of_row(materials, s, row, f);
         Evaluation one = evaluate_part(materials, &part, kind, s, wi, cosine, f);
@@ -126,14 +126,14 @@ INLINE Evaluation evaluate_material(const Materials *materials, const Surface *s
 INLINE Index choose_part(const Materials *materials, const Surface *s, Real u)
 {
     Index row = s->row;
-    Real chance = s->share;
+    Real p_stay = s->share;
     for (int layer = 1; layer < materials->layers; layer++) {
-        Mask on = u >= chance;
+        Mask on = u >= p_stay;
         if (!any(on))
             break;
-        u = select(on, (u - chance) / (real(1) - chance), u);
+        u = select(on, (u - p_stay) / (real(1) - p_stay), u);
         row = index_select(on, gather_index(materials->next, row), row);
-        chance = select(on, gather(materials->chance, row), real(2));
+        p_stay = select(on, gather(materials->p_stay, row), real(2));
     }
     return row;
 }

@@ -133,8 +133,8 @@ static int set_rows(Materials *m, const Description *d, int row, int more, int m
     for (int k = 0; k < layers; k++) {
         int last = k + 1 == layers;
         set_row(m, d, row, parts[k], albedo, side);
-        if (m->chance) {
-            m->chance[row] = last ? (k ? 2 : 1) : (Num)(parts[k].share / left); /* 2: above every random number */
+        if (m->p_stay) {
+            m->p_stay[row] = last ? (k ? 2 : 1) : (Num)(parts[k].share / left); /* 2: above every random number */
             m->share[row] = (Num)parts[k].share;
             m->next[row] = more;
         }
@@ -176,7 +176,7 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
     m->kind = keep(scene, rows, sizeof *m->kind);
     m->has = keep(scene, rows, sizeof *m->has);
     if (scene->features.has & HAS_BLEND) {
-        m->chance = keep(scene, rows, sizeof *m->chance);
+        m->p_stay = keep(scene, rows, sizeof *m->p_stay);
         m->share = keep(scene, rows, sizeof *m->share);
         m->next = keep(scene, rows, sizeof *m->next);
     }
