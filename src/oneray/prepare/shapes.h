@@ -33,7 +33,7 @@ static AlignedRow aligned_row_of(const Shape *shape, int axis)
         (Num)(fabs(m[v][0]) + fabs(m[v][1]))};
 }
 
-static int slots_of(ShapeKind kind) { return shape_planes(kind) ? shape_planes(kind) : 1; }
+static int slots_of(ShapeKind kind) { return slots_of_planes(shape_planes(kind)); }
 
 /* What a kernel takes it for. */
 static ShapeKind kind_in_kernel(const Shape *shape) { return aligned_axis(shape) < 0 ? shape->kind : SHAPE_ALIGNED; }

@@ -54,7 +54,7 @@ int shape_sides(const Shape *shape)
 {
     if (shape->kind == SHAPE_MESH)
         return shape->as.mesh.triangle_count;
-    return shape_planes(shape->kind) ? shape_planes(shape->kind) : 1;
+    return slots_of_planes(shape_planes(shape->kind));
 }
 
 bool emitter_has_power(const Emitter *emitter)

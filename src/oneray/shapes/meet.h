@@ -4,7 +4,7 @@
 #include "kinds/shapes.h"
 
 /* How many slots a shape of this kind has. */
-#define SLOTS(name) (name##_planes ? name##_planes : 1)
+#define SLOTS(name) slots_of_planes(name##_planes)
 
 #define HAS_PLANES (HAS_ALIGNED | HAS_ANY(FLAT_SHAPES) | HAS_ANY(POLYHEDRA))
 

@@ -16,6 +16,9 @@ typedef struct {
     {"to_world", AS_TRANSFORM, offsetof(Placed, to_world), NULL, ""},                                        \
     {"flip_normals", AS_BOOLEAN, offsetof(Placed, flip_normals), NULL, "false"}
 
+/* How many slots, what a ray can hit, a shape with that many planes of its own has; a round one has one. */
+static inline int slots_of_planes(int planes) { return planes ? planes : 1; }
+
 /* A side, each of which shines as a light of its own. */
 typedef struct {
     double middle[3];
