@@ -52,8 +52,8 @@ INLINE Index region_of(const LightTree *tree, Vec p)
 INLINE Real learned_visibility(const LightTree *tree, Index region, Index node)
 {
     Mask known = node < index_of(LEARNED_NODES);
-    Index at = region * LEARNED_NODES + index_select(known, node, index_of(0));
-    return select(known, gather(tree->visible, at), real(1));
+    Index row = region * LEARNED_NODES + index_select(known, node, index_of(0));
+    return select(known, gather(tree->visible, row), real(1));
 }
 
 /* L6 Down the tree to one light, by the children's importance or, with p_by_count, by their counts, either

@@ -46,9 +46,9 @@ INLINE Real inverse_pdf_w_light(
 /* L13 The density of the walk's going on in a direction that the material evaluates so. That it survives may count
    as part of it, as in the lecture (`brdfPdf = EvaluateDiffuse(L,N) * Psurvive`), or not: the weights sum to 1 either
    way, as long as both sides use the same. */
-INLINE Real pdf_w_bounce(const Path *path, const Scene *scene, const Evaluation *at, Features f)
+INLINE Real pdf_w_bounce(const Path *path, const Scene *scene, const Evaluation *surface, Features f)
 {
     if (!(f.use & USE_SURVIVAL_PDF))
-        return at->pdf_w;
-    return at->pdf_w * survival(scene, light_mul(path->throughput, at->factor), path->depth + 1, f);
+        return surface->pdf_w;
+    return surface->pdf_w * survival(scene, light_mul(path->throughput, surface->factor), path->depth + 1, f);
 }

@@ -44,10 +44,10 @@ static inline void keep_vertex(
     Vertices *vertices, const Surface *s, Light throughput, Real pdf_w, Mask by_delta, Index depth, Mask lanes)
 {
     for (unsigned left = mask_bits(lanes); left; left &= left - 1) {
-        int lane = lowest_lane(left), at = (int)LANE(depth, lane);
-        if (at >= vertices->room)
+        int lane = lowest_lane(left), number = (int)LANE(depth, lane);
+        if (number >= vertices->room)
             continue;
-        Vertex *v = &vertices->list[lane * vertices->room + at];
+        Vertex *v = &vertices->list[lane * vertices->room + number];
         vec_lane(&s->p, lane, v->p);
         vec_lane(&s->n, lane, v->n);
         vec_lane(&s->wo, lane, v->wo);
@@ -56,6 +56,6 @@ static inline void keep_vertex(
         v->slot = LANE(s->slot, lane);
         v->row = LANE(s->row, lane);
         v->delta = LANE(s->delta, lane) != 0;
-        vertices->count[lane] = at + 1;
+        vertices->count[lane] = number + 1;
     }
 }

@@ -17,8 +17,9 @@ INLINE int one_material(Features f)
 
 INLINE Index kind_of_row(const Materials *materials, Index row, Features f)
 {
-    uint64_t has = f.has & HAS_ANY(MATERIALS);
-    return one_material(f) ? index_of(__builtin_ctzll(has | HAS_SMOOTH) - BIT_HAS_DIFFUSE) : gather_index(materials->kind, row);
+    uint64_t has = f.has & HAS_ANY(MATERIALS); /* 0 where all is black, of which ctz would be undefined: HAS_SMOOTH */
+    return one_material(f) ? index_of(__builtin_ctzll(has | HAS_SMOOTH) - BIT_HAS_DIFFUSE)
+                           : gather_index(materials->kind, row);
 }
 
 INLINE Mask is_delta(Index kind, Features f)
