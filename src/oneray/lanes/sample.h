@@ -4,31 +4,30 @@
 
 #include "lanes/sampler.h"
 
+/* v of a turn around the z axis, at the distance r from it and the height z. */
+INLINE Vec turned(Real r, Real v, Real z)
+{
+    Real sine, cosine;
+    sincos_turn(v, &sine, &cosine);
+    return vec(r * cosine, r * sine, z);
+}
+
 /* L8 One ray over the hemisphere: uniform by solid angle, z = u, in the frame of the normal. */
 INLINE Vec sample_hemisphere_uniform(Real u, Real v)
 {
-    Real sine, cosine, r = real_sqrt((real(1) - u) * (real(1) + u));
-    sincos_turn(v, &sine, &cosine);
-    return vec(r * cosine, r * sine, u);
+    return turned(real_sqrt((real(1) - u) * (real(1) + u)), v, u);
 }
 INLINE Real pdf_w_hemisphere_uniform(void) { return real(0.5) * REAL_INV_PI; }
 
 /* L9 Importance sampling the hemisphere: density in proportion to the cosine, pdf cosθ/π. A uniform point of
    the disk below, lifted to the sphere (Malley): r² = u, z² = 1 - u. */
-INLINE Vec sample_hemisphere_cosine(Real u, Real v)
-{
-    Real sine, cosine, r = real_sqrt(u);
-    sincos_turn(v, &sine, &cosine);
-    return vec(r * cosine, r * sine, real_sqrt(real(1) - u));
-}
+INLINE Vec sample_hemisphere_cosine(Real u, Real v) { return turned(real_sqrt(u), v, real_sqrt(real(1) - u)); }
 INLINE Real pdf_w_hemisphere_cosine(Real cosine) { return cosine * REAL_INV_PI; }
 
 /* The whole sphere, uniform by solid angle. */
 INLINE Vec sample_sphere(Real u, Real v)
 {
-    Real sine, cosine, r = real(2) * real_sqrt(u * (real(1) - u));
-    sincos_turn(v, &sine, &cosine);
-    return vec(r * cosine, r * sine, real(1) - real(2) * u);
+    return turned(real(2) * real_sqrt(u * (real(1) - u)), v, real(1) - real(2) * u);
 }
 INLINE Real pdf_w_sphere(void) { return real(0.25) * REAL_INV_PI; }
 
@@ -36,9 +35,8 @@ INLINE Real pdf_w_sphere(void) { return real(0.25) * REAL_INV_PI; }
    its digits in cones however narrow: x = u extent, cosθ = 1 - x, sinθ = √(x (2 - x)). */
 INLINE Vec sample_cone(Real u, Real v, Real extent)
 {
-    Real sine, cosine, x = u * extent, r = real_sqrt(x * (real(2) - x));
-    sincos_turn(v, &sine, &cosine);
-    return vec(r * cosine, r * sine, real(1) - x);
+    Real x = u * extent;
+    return turned(real_sqrt(x * (real(2) - x)), v, real(1) - x);
 }
 INLINE Real pdf_w_cone(Real extent) { return real(0.5) * REAL_INV_PI / extent; }
 
@@ -50,10 +48,9 @@ INLINE void sample_square(Real u, Real v, Real *x, Real *y)
 }
 INLINE void sample_disk(Real u, Real v, Real *x, Real *y)
 {
-    Real sine, cosine, r = real_sqrt(u);
-    sincos_turn(v, &sine, &cosine);
-    *x = r * cosine;
-    *y = r * sine;
+    Vec on = turned(real_sqrt(u), v, real(0));
+    *x = on.x;
+    *y = on.y;
 }
 
 /* A triangle, uniform by area: the shares of its second and third corner, less the thirds of its center. */

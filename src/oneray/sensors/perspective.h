@@ -69,34 +69,27 @@ typedef struct perspective_row {
 
 static inline void perspective_row(const Perspective *perspective, int width, int height, PerspectiveRow *camera)
 {
-    double axis[3], extent[2];
+    double extent[3] = {0, 0, 1}, axis[3], out[3], back[3];
     perspective_extent(perspective, (double)width / height, extent);
     column(&perspective->to_world, 3, axis);
     store(camera->origin, axis);
     for (int j = 0; j < 3; j++) {
-        const double scale[3] = {extent[0], extent[1], 1};
         Num *const to[3] = {camera->left, camera->up, camera->forward};
         column(&perspective->to_world, j, axis);
         double one = length(axis);
-        for (int i = 0; i < 3; i++)
-            axis[i] *= scale[j] / one;
-        store(to[j], axis);
+        for (int i = 0; i < 3; i++) {
+            out[i] = axis[i] * (extent[j] / one);
+            back[i] = axis[i] / (one * extent[j]);
+        }
+        store(to[j], out);
+        if (j < 2)
+            store(j ? camera->to_up : camera->to_left, back);
     }
     camera->near_clip = (Num)perspective->near_clip;
     camera->far_clip = (Num)perspective->far_clip;
     camera->pixel_width = (Num)(2.0 / width);
     camera->pixel_height = (Num)(2.0 / height);
-    double area = 4;
-    for (int j = 0; j < 2; j++) {
-        double half = extent[j];
-        column(&perspective->to_world, j, axis);
-        double one = length(axis);
-        for (int i = 0; i < 3; i++)
-            axis[i] /= one * half;
-        store(j ? camera->to_up : camera->to_left, axis);
-        area *= half;
-    }
-    camera->film_area = (Num)area;
+    camera->film_area = (Num)(4 * extent[0] * extent[1]);
 }
 
 /* The ray through the point (x, y) of the film, in pixels from its upper left corner. It starts on the near
