@@ -20,8 +20,12 @@ typedef enum {
 typedef struct {
     LightFrom from;
     const double *emission;
-    const double *position; /* FROM_POINT, else NULL */
-    double flux;            /* over the emission and what it is in proportion to */
+    const double *position;  /* FROM_POINT, else NULL */
+    double radius;           /* of a ball around it that its light starts in */
+    const double *direction; /* in the middle of its light; NULL: all around */
+    double spread, beam;     /* FROM_POINT, half the angles of the cones about that, radians, in which all its light is, and
+                                in which it is alike */
+    double flux;             /* over the emission and what it is in proportion to */
     const char *odd;
 } EmitterTraits;
 

@@ -22,20 +22,14 @@ static const Plugin diskspot_plugin = {"diskspot", diskspot_check, {
     {"beam_width", AS_FLOAT, offsetof(Diskspot, spot.beam_width), "[0,180]", ""},
     {"radius", AS_FLOAT, offsetof(Diskspot, radius), "[0,inf)", "1"}}};
 
-static inline EmitterTraits diskspot_traits(const Diskspot *e) { return spot_traits(&e->spot); }
+static inline EmitterTraits diskspot_traits(const Diskspot *e)
+{
+    EmitterTraits traits = spot_traits(&e->spot);
+    traits.radius = e->radius;
+    return traits;
+}
 
 #ifdef LANES
-
-static inline void diskspot_put(const Diskspot *e, Emitters *emitters, int i)
-{
-    spot_put(&e->spot, emitters, i);
-    emitters->radius[i] = (Num)e->radius;
-}
-static inline void diskspot_leaf(const Emitters *emitters, int i, Leaf *leaf)
-{
-    spot_leaf(emitters, i, leaf);
-    leaf->radius = (double)emitters->radius[i];
-}
 
 INLINE Vec sample_diskspot(const Emitters *emitters, Index i, Real u, Real v, Features f)
 {

@@ -14,7 +14,7 @@ static const Plugin area_plugin = {"area", NULL, {
 
 static inline EmitterTraits area_traits(const Area *e)
 {
-    return (EmitterTraits){FROM_SHAPE, e->radiance, NULL, PI, NULL};
+    return (EmitterTraits){.from = FROM_SHAPE, .emission = e->radiance, .flux = PI};
 }
 
 #ifdef LANES
@@ -54,27 +54,6 @@ STAGE Real inverse_pdf_w_hit(
     if (f.use & USE_SOLID_ANGLE)
         rectangle = view_rectangle(emitters, i, at, f);
     return inverse_pdf_w_point(emitters, i, real(1) / (distance * distance), cosine, &sphere, &rectangle, f);
-}
-
-static inline void area_put(const Area *e, Emitters *emitters, int i) { (void)e, (void)emitters, (void)i; }
-
-/* It shines to one side if it is flat. */
-static inline void area_leaf(const Emitters *emitters, int i, Leaf *leaf)
-{
-    double x[3], y[3];
-    if (emitters->shape[i] == SHAPE_SPHERE) {
-        leaf->radius = fabs((double)emitters->radius[i]);
-        leaf->power *= PI * leaf->radius * leaf->radius;
-        return;
-    }
-    for (int c = 0; c < 3; c++) {
-        leaf->axis[c] = (double)emitters->normal[i][c];
-        x[c] = (double)emitters->edge_x[i][c];
-        y[c] = (double)emitters->edge_y[i][c];
-    }
-    leaf->radius = length(x) + length(y);
-    leaf->spread = 0;
-    leaf->power *= (double)emitters->area[i];
 }
 
 /* A place on a flat light in units of its edges, uniform by area. */

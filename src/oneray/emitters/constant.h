@@ -14,19 +14,12 @@ static const Plugin constant_plugin = {"constant", NULL, {
 
 static inline EmitterTraits constant_traits(const Constant *e)
 {
-    return (EmitterTraits){FROM_AROUND, e->radiance, NULL, 4 * PI * PI, NULL};
+    return (EmitterTraits){.from = FROM_AROUND, .emission = e->radiance, .flux = 4 * PI * PI};
 }
 
 #ifdef LANES
 
 #include "emitters/emitter.h"
-
-static inline void constant_put(const Constant *e, Emitters *emitters, int i) { (void)e, (void)emitters, (void)i; }
-static inline void constant_leaf(const Emitters *emitters, int i, Leaf *leaf)
-{
-    (void)i;
-    far_leaf(emitters, PI, leaf);
-}
 
 INLINE Light constant_radiance(const Emitters *emitters, Vec wi)
 {

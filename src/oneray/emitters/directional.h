@@ -33,22 +33,13 @@ static const Plugin directional_plugin = {"directional", directional_check, {
 
 static inline EmitterTraits directional_traits(const Directional *e)
 {
-    return (EmitterTraits){FROM_AFAR, e->irradiance, NULL, PI, NULL};
+    return (EmitterTraits){
+        .from = FROM_AFAR, .emission = e->irradiance, .direction = e->direction, .flux = PI};
 }
 
 #ifdef LANES
 
 #include "emitters/emitter.h"
-
-static inline void directional_put(const Directional *e, Emitters *emitters, int i)
-{
-    store(emitters->edge_x[i], e->direction);
-}
-static inline void directional_leaf(const Emitters *emitters, int i, Leaf *leaf)
-{
-    (void)i;
-    far_leaf(emitters, 1, leaf);
-}
 
 INLINE LightSample directional_towards(
     const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)

@@ -4,8 +4,6 @@
    emitters/NAME.h defines, for a kind of the list EMITTERS in kinds.h,
      Name, name_plugin   what a scene file says of it
      name_traits         what is asked of that (traits.h); it looks at nothing that a pointer leads to
-     name_put            fills its place in the tables
-     name_leaf           how the tree of lights sees it, its ball and cone so large that all its light is in them
      name_towards        one ray to it for (u, v) in [0,1)²: what reaches the point over emission and p_i, 1/pdf_w
      name_emit           one ray from it (light paths): where it starts by `place`, its direction by `way`
    and for a kind of SKIES, which a ray meets where it leaves the scene,
@@ -115,15 +113,6 @@ INLINE Mask shines_from(const Emitters *emitters, ShapeKind shape, Index i, Feat
     return index_of_light(emitters->shape, i, f) == index_of(shape);
 }
 
-/* What the tree of lights knows of one. */
-typedef struct {
-    int emitter;
-    double center[3], radius;
-    double axis[3], spread; /* the cone around what it shines along, half its angle; π: all around */
-    double power, far;      /* W·sr⁻¹, W·m⁻² */
-    double key;             /* to sort by */
-} Leaf;
-
 /* The first ray of a light path. */
 typedef struct {
     Vec o, d;
@@ -139,15 +128,6 @@ INLINE LightSample towards_place(const Emitters *emitters, Index i, const Receiv
     Real distance = vec_length(delta), inverse_d = real(1) / distance;
     return (LightSample){
         vec_scale(delta, inverse_d), distance, light_all(inverse_d * inverse_d), real(0), index_of(-1), i};
-}
-
-/* A light as it is seen from wherever the scene is: its irradiance is the emission times this. */
-static inline void far_leaf(const Emitters *emitters, double irradiance, Leaf *leaf)
-{
-    for (int c = 0; c < 3; c++)
-        leaf->center[c] = (double)emitters->world_center[c];
-    leaf->far = leaf->power * irradiance;
-    leaf->power = 0;
 }
 
 /* From far away along d: through a uniform point of the disk across it that the scene's ball casts. */

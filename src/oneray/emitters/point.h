@@ -26,15 +26,13 @@ static const Plugin point_plugin = {"point", point_check, {
 
 static inline EmitterTraits point_traits(const Point *e)
 {
-    return (EmitterTraits){FROM_POINT, e->intensity, e->position, 4 * PI, NULL};
+    return (EmitterTraits){
+        .from = FROM_POINT, .emission = e->intensity, .position = e->position, .flux = 4 * PI};
 }
 
 #ifdef LANES
 
 #include "emitters/emitter.h"
-
-static inline void point_put(const Point *e, Emitters *emitters, int i) { store(emitters->position[i], e->position); }
-static inline void point_leaf(const Emitters *emitters, int i, Leaf *leaf) { (void)emitters, (void)i, (void)leaf; }
 
 INLINE LightSample point_towards(const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
 {

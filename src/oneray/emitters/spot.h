@@ -39,28 +39,19 @@ static inline EmitterTraits spot_traits(const Spot *e)
 {
     double flux = 2 * PI * (1 - cos((e->cutoff_angle + e->beam_width) / 2));
     bool sharp = e->cutoff_angle < 1e-3 || e->cutoff_angle - e->beam_width < 1e-3 * e->cutoff_angle;
-    return (EmitterTraits){FROM_POINT, e->intensity, e->position, flux,
-        sharp ? "a spot with a cone or rim of less than 0.001" : NULL};
+    return (EmitterTraits){.from = FROM_POINT,
+        .emission = e->intensity,
+        .position = e->position,
+        .direction = e->direction,
+        .spread = e->cutoff_angle,
+        .beam = e->beam_width,
+        .flux = flux,
+        .odd = sharp ? "a spot with a cone or rim of less than 0.001" : NULL};
 }
 
 #ifdef LANES
 
 #include "emitters/emitter.h"
-
-static inline void spot_put(const Spot *e, Emitters *emitters, int i)
-{
-    store(emitters->position[i], e->position);
-    store(emitters->edge_x[i], e->direction);
-    emitters->cutoff[i] = (Num)e->cutoff_angle;
-    emitters->beam[i] = (Num)e->beam_width;
-    emitters->extent[i] = (Num)(2 * pow(sin(e->cutoff_angle / 2), 2));
-}
-static inline void spot_leaf(const Emitters *emitters, int i, Leaf *leaf)
-{
-    for (int c = 0; c < 3; c++)
-        leaf->axis[c] = (double)emitters->edge_x[i][c];
-    leaf->spread = (double)emitters->cutoff[i];
-}
 
 /* The spot's share of its intensity at this angle to its axis (radians): 1 within the beam, 0 beyond the
    cutoff, linear between. */

@@ -3,19 +3,55 @@
 
 #include "prepare/shapes.h"
 
-/* largest: the largest emission, which powers are relative to, so that none overflows. */
-static Leaf leaf_of(const Emitters *emitters, int i, double largest)
+/* What the tree of lights knows of one. */
+typedef struct {
+    int emitter;
+    double center[3], radius;
+    double axis[3], spread; /* the cone around what it shines along, half its angle; π: all around */
+    double power, far;      /* W·sr⁻¹, W·m⁻² */
+    double key;             /* to sort by */
+} Leaf;
+
+/* A side of a shape, which shines to one side if it is flat. */
+static void set_side(Leaf *leaf, const Emitters *emitters, int i)
 {
-    Leaf leaf = {.emitter = i, .axis = {0, 0, 1}, .spread = PI};
+    double x[3], y[3];
+    if (emitters->shape[i] == SHAPE_SPHERE) {
+        leaf->radius = fabs((double)emitters->radius[i]);
+        leaf->power *= PI * leaf->radius * leaf->radius;
+        return;
+    }
     for (int c = 0; c < 3; c++) {
-        leaf.center[c] = (double)emitters->position[i][c];
+        leaf->axis[c] = (double)emitters->normal[i][c];
+        x[c] = (double)emitters->edge_x[i][c];
+        y[c] = (double)emitters->edge_y[i][c];
+    }
+    leaf->radius = length(x) + length(y);
+    leaf->spread = 0;
+    leaf->power *= (double)emitters->area[i];
+}
+
+/* largest: the largest emission, which powers are relative to, so that none overflows. Light from afar is the
+   irradiance of a plane across it, or of one under half the sky. */
+static Leaf leaf_of(const Emitters *emitters, int i, const EmitterTraits *traits, double largest)
+{
+    Leaf leaf = {.emitter = i, .axis = {0, 0, 1}, .spread = PI, .radius = (double)emitters->radius[i]};
+    bool far = traits->from == FROM_AFAR || traits->from == FROM_AROUND;
+    for (int c = 0; c < 3; c++) {
+        leaf.center[c] = (double)(far ? emitters->world_center : emitters->position[i])[c];
         leaf.power += (double)emitters->emission[i][c] / largest / 3;
     }
-#define X(NAME, name, words)                                                                                 \
-    if (emitters->kind[i] == EMITTER_##NAME)                                                                 \
-        name##_leaf(emitters, i, &leaf);
-    EMITTERS(X)
-#undef X
+    if (traits->from == FROM_SHAPE)
+        set_side(&leaf, emitters, i);
+    if (traits->from == FROM_POINT && traits->direction) {
+        for (int c = 0; c < 3; c++)
+            leaf.axis[c] = (double)emitters->edge_x[i][c];
+        leaf.spread = (double)emitters->cutoff[i];
+    }
+    if (far) {
+        leaf.far = leaf.power * (traits->from == FROM_AROUND ? PI : 1);
+        leaf.power = 0;
+    }
     return leaf;
 }
 
@@ -96,23 +132,16 @@ typedef struct {
 
 /* Halves, along the axis on which the centers are furthest apart, level by level: the uppermost nodes have the
    lowest numbers. */
-static void prepare_tree(Scene *scene)
+static void prepare_tree(Scene *scene, Leaf *leaves)
 {
     Emitters *emitters = &scene->emitters;
     LightTree *tree = &emitters->tree;
     size_t n = (size_t)emitters->count;
-    Leaf *leaves = allocate(n, sizeof *leaves);
     Branch *branches = allocate(2 * n, sizeof *branches);
     tree->nodes = keep(scene, 2 * n, sizeof *tree->nodes);
     tree->child = keep(scene, 2 * n, sizeof *tree->child);
     tree->trail = keep(scene, n, sizeof *tree->trail);
     tree->p_by_count = (Num)0.5;
-    double largest = 0;
-    for (int i = 0; i < emitters->count; i++)
-        for (int c = 0; c < 3; c++)
-            largest = fmax(largest, (double)emitters->emission[i][c]);
-    for (int i = 0; i < emitters->count; i++)
-        leaves[i] = leaf_of(emitters, i, largest);
     branches[0] = (Branch){0, emitters->count, 0, 0};
     for (int node = 0, used = 1; node < used; node++) {
         Branch b = branches[node];
@@ -132,6 +161,5 @@ static void prepare_tree(Scene *scene)
         branches[used++] = (Branch){b.first, half, b.level + 1, b.trail};
         branches[used++] = (Branch){b.first + half, b.count - half, b.level + 1, b.trail | (Int)1 << b.level};
     }
-    free(leaves);
     free(branches);
 }

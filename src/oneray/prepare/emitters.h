@@ -113,20 +113,19 @@ static void prepare_side(Scene *scene, const Description *d, const Emitter *ligh
 }
 
 /* A light that is no shape. */
-static void prepare_free(Emitters *emitters, const Emitter *light, int i)
+static void prepare_free(Emitters *emitters, const EmitterTraits *traits, int i)
 {
     emitters->area[i] = 1;
     emitters->slot[i] = emitters->shape[i] = -1;
-    switch (light->kind) {
-#define X(NAME, name, words)                                                                                 \
-    case EMITTER_##NAME:                                                                                     \
-        name##_put(&light->as.name, emitters, i);                                                            \
-        break;
-        EMITTERS(X)
-#undef X
-    default: break;
-    }
-    if (emitter_traits(light).from == FROM_AROUND)
+    if (traits->position)
+        store(emitters->position[i], traits->position);
+    if (traits->direction)
+        store(emitters->edge_x[i], traits->direction);
+    emitters->radius[i] = (Num)traits->radius;
+    emitters->cutoff[i] = (Num)traits->spread;
+    emitters->beam[i] = (Num)traits->beam;
+    emitters->extent[i] = (Num)(2 * pow(sin(traits->spread / 2), 2));
+    if (traits->from == FROM_AROUND)
         emitters->sky = i;
 }
 
@@ -172,32 +171,40 @@ static void prepare_emitters(
     Scene *scene, const Description *d, const Technique *technique, const int *first_slot)
 {
     Emitters *emitters = &scene->emitters;
-    double center[3], radius = bounding_ball(d, center), largest_mean = 0;
+    double center[3], radius = bounding_ball(d, center), largest_mean = 0, largest = 0;
     store(emitters->world_center, center);
     emitters->world_radius = (Num)radius;
     for (int i = 0; i < d->emitter_count; i++) {
         emitters->count += lights_of(d, &d->emitters[i]);
         largest_mean = fmax(largest_mean, mean_emission(&d->emitters[i]));
+        for (int c = 0; c < 3; c++)
+            largest = fmax(largest, (double)(Num)emitter_traits(&d->emitters[i]).emission[c]);
     }
     keep_emitters(scene);
     for (int i = 0; i < d->shape_count; i++)
         for (int k = 0; d->shapes[i].emitter >= 0 && k < slots_of(d->shapes[i].kind); k++)
             scene->shapes.shines[first_slot[i] + k] = 1;
+    bool by_tree = scene->features.use & USE_CONTRIBUTION;
     double *power = allocate((size_t)emitters->count, sizeof *power);
+    Leaf *leaves = allocate(by_tree ? (size_t)emitters->count : 0, sizeof *leaves);
     for (int e = 0, i = 0; e < d->emitter_count; e++)
         for (int k = 0; k < lights_of(d, &d->emitters[e]); k++, i++) {
             const Emitter *light = &d->emitters[e];
+            EmitterTraits traits = emitter_traits(light);
             emitters->kind[i] = (Int)light->kind;
-            store(emitters->emission[i], emitter_traits(light).emission);
+            store(emitters->emission[i], traits.emission);
             power[i] = power_of(d, light, k, radius, largest_mean);
             if (light->kind == EMITTER_AREA)
                 prepare_side(scene, d, light, i, k, first_slot[light->shape]);
             else
-                prepare_free(emitters, light, i);
+                prepare_free(emitters, &traits, i);
+            if (by_tree)
+                leaves[i] = leaf_of(emitters, i, &traits, largest);
         }
-    if (scene->features.use & USE_CONTRIBUTION)
-        prepare_tree(scene);
+    if (by_tree)
+        prepare_tree(scene, leaves);
     else if (emitters->count)
         prepare_choice(scene, power, technique->light_choice);
     free(power);
+    free(leaves);
 }
