@@ -53,20 +53,15 @@ static inline EmitterTraits spot_traits(const Spot *e)
 
 #include "emitters/emitter.h"
 
-/* The spot's share of its intensity at this angle to its axis (radians): 1 within the beam, 0 beyond the
-   cutoff, linear between. */
-INLINE Real spot_falloff(Real angle, Real beam, Real cutoff)
-{
-    Real ramp = real_max((cutoff - angle) / (cutoff - beam), real(0));
-    return select(angle <= beam, real(1), ramp);
-}
-
-/* The same towards -wi. */
+/* The spot's share of its intensity towards -wi, by the angle to its axis: 1 within the beam, 0 beyond the cutoff, linear
+   between. */
 INLINE Real falloff_of(const Emitters *emitters, Index i, Vec wi, Features f)
 {
     Vec axis = vec_of_light(emitters->edge_x, i, f);
     Real angle = angle_of(vec_length(vec_cross(axis, wi)), -vec_dot(axis, wi));
-    return spot_falloff(angle, of_light(emitters->beam, i, f), of_light(emitters->cutoff, i, f));
+    Real beam = of_light(emitters->beam, i, f), cutoff = of_light(emitters->cutoff, i, f);
+    Real ramp = real_max((cutoff - angle) / (cutoff - beam), real(0));
+    return select(angle <= beam, real(1), ramp);
 }
 
 INLINE LightSample spot_towards(const Emitters *emitters, Index i, const Receiver *at, Real u, Real v, Features f)
