@@ -137,43 +137,38 @@ bool film_has_error(const Film *film)
     return film_samples(film) > 1 && !strstr(film->identity, " --sampler sobol ");
 }
 
-/* A double of IEEE 754 in eight bytes, the lowest first, whatever the machine's own order is. */
-static void put_number(unsigned char bytes[8], double number)
+/* The bits of a double of IEEE 754 so that in memory their lowest byte is the first, or back, whatever the machine's own
+   order is. */
+static uint64_t little_endian(uint64_t bits)
 {
-    uint64_t bits;
-    memcpy(&bits, &number, sizeof bits);
+    unsigned char bytes[8];
     for (int i = 0; i < 8; i++)
         bytes[i] = (unsigned char)(bits >> 8 * i);
-}
-static double get_number(const unsigned char bytes[8])
-{
-    uint64_t bits = 0;
-    double number;
-    for (int i = 0; i < 8; i++)
-        bits |= (uint64_t)bytes[i] << 8 * i;
-    memcpy(&number, &bits, sizeof number);
-    return number;
+    memcpy(&bits, bytes, sizeof bits);
+    return bits;
 }
 
 static void write_pixels(const double *numbers, size_t pixels, FILE *stream)
 {
-    unsigned char bytes[6 * 8];
+    uint64_t bits[6];
     for (size_t i = 0; i < 6 * pixels; i += 6) {
-        for (size_t k = 0; k < 6; k++)
-            put_number(bytes + 8 * k, numbers[i + k]);
-        fwrite(bytes, sizeof bytes, 1, stream);
+        memcpy(bits, numbers + i, sizeof bits);
+        for (int k = 0; k < 6; k++)
+            bits[k] = little_endian(bits[k]);
+        fwrite(bits, sizeof bits, 1, stream);
     }
 }
 
 /* Whether they were all there. */
 static bool read_pixels(double *numbers, size_t pixels, FILE *stream)
 {
-    unsigned char bytes[6 * 8];
+    uint64_t bits[6];
     for (size_t i = 0; i < 6 * pixels; i += 6) {
-        if (!fread(bytes, sizeof bytes, 1, stream))
+        if (!fread(bits, sizeof bits, 1, stream))
             return false;
-        for (size_t k = 0; k < 6; k++)
-            numbers[i + k] = get_number(bytes + 8 * k);
+        for (int k = 0; k < 6; k++)
+            bits[k] = little_endian(bits[k]);
+        memcpy(numbers + i, bits, sizeof bits);
     }
     return true;
 }
