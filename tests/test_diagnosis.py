@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from raycheck.base.images import write_pfm
-from raycheck.calibration import mutants, payloads
+from raycheck.calibration import mutants
 from raycheck.judging import diagnosis, sentences
 from raycheck.judging.evidence import evidence
 from raycheck.judging.findings import guesses
@@ -107,11 +107,10 @@ def test_without_its_signature_a_mistake_is_not_named(truth):
 
 
 def test_signatures_belong_to_the_catalogue():
-    """To mistakes that do, bit for bit, what they did when the signatures were made."""
-    kept = payloads.kept()
+    """Their pictures are those of today, see test_stale.py."""
     catalogue = {mutant.name: mutant for mutant in mutants.catalogue() if mutant.catalogued}
     for name, entry in diagnosis.manifest()["mistakes"].items():
-        assert name in catalogue and kept[name] == entry["payload"], f"{name}: raycheck calibrate signatures"
+        assert name in catalogue, f"{name}: raycheck calibrate signatures"
         assert lecture.argument(entry["technique"])
     for scene in diagnosis.scenes():
         diagnosis.load(scene)

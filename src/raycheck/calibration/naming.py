@@ -18,7 +18,10 @@ from raycheck.calibration.mutants import Mutant
 from raycheck.calibration.signatures import COMPLETE, Pair, pairs, read_pair
 from raycheck.judging.diagnosis import USUAL, Diagnosis, catalogue, diagnose, load, scenes
 from raycheck.judging.evidence import Evidence, evidence_of_means
+from raycheck.truth.provenance import provenance
 
+METHOD = 1
+"""Version of how mistakes are named, see truth.provenance."""
 SAME = 0.15
 """Relative difference of signatures below which two mistakes look the same."""
 
@@ -41,6 +44,7 @@ def summary(work: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
         return result if result and result.significant else None
 
     return {
+        "provenance": provenance(METHOD, {name for pair in pairs(wanted) for name in pair.rests_on}),
         "all scenes": _shares(wanted, lambda m, w=(): told(m, COMPLETE, w), lambda m: COMPLETE),
         "one image": _shares(wanted, lambda m, w=(): told(m, [m.scene], w), lambda m: [m.scene]),
     }

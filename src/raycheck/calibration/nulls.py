@@ -26,8 +26,11 @@ from raycheck.scene import variants
 from raycheck.stats import statistics as st
 from raycheck.stats.tiles import Tile
 from raycheck.stats.verdict import Expected, Outcome, judge
+from raycheck.truth import provenance
 from raycheck.truth.expected import Truth
 
+METHOD = 1
+"""Version of how correct renderers are judged, see truth.provenance."""
 SPP = 4
 LEVELS = (1e-2, 1e-3)
 STRENGTHS = (0.5, 1.0, 2.0)
@@ -46,6 +49,16 @@ class Configuration:
     @property
     def label(self) -> str:
         return f"{self.scene}/{self.by}"
+
+    @property
+    def rests_on(self) -> list[str]:
+        """What is judged, and by what; Mitsuba's own pictures are renewed with its references."""
+        own = [] if self.by == "mitsuba" else [f"{self.scene} {self.by} double"]
+        return [*own, f"reference {self.scene}"]
+
+    @property
+    def digest(self) -> str:
+        return provenance.digest(METHOD, self.rests_on)
 
 
 CONFIGURATIONS = (
@@ -183,6 +196,8 @@ class Set:
     noticed: dict[str, list[bool]]
     """Of the whole image."""
     rivals: dict[str, bool]
+    digest: str
+    """Digest of the pictures and the method: what has it need not be judged again."""
 
 
 def judge_set(configuration: Configuration, index: int, render: Render, truth: Truth) -> Set:
@@ -198,7 +213,8 @@ def judge_set(configuration: Configuration, index: int, render: Render, truth: T
         p.update({k: n for k, n in found.p.items() if k.startswith("tile")})
     judged = rivals.judge(images, SPP, truth)
     return Set(
-        configuration.label, index, outcomes, whole.outcome.value, dict(p), whole.noticed, judged
+        configuration.label, index, outcomes, whole.outcome.value, dict(p), whole.noticed, judged,
+        configuration.digest,
     )  # fmt: skip
 
 
@@ -218,8 +234,10 @@ def _ready(configuration: Configuration) -> tuple[Render, Truth]:
 def measure_nulls(
     file: Path, sets: int, configurations: Sequence[Configuration] = CONFIGURATIONS, pool: Pool | None = None
 ) -> Iterator[Set]:
-    """`sets` sets of each configuration; what `file` has is kept, new ones are added to it as they come."""
-    done = {(line["configuration"], line["index"]) for line in read_lines(file)}
+    """`sets` sets of each configuration; what `file` has of the same pictures is kept, new ones are added to
+    it as they come.
+    """
+    done = {(line["configuration"], line["index"]) for line in _current(file)}
     build = checkout.of_checkout()
     pieces = [
         (one, index, build)
@@ -233,9 +251,15 @@ def measure_nulls(
         yield Set(**found)
 
 
+def _current(file: Path) -> list[dict[str, Any]]:
+    """The lines of the file that are of the pictures and the method of today."""
+    digests = {one.label: one.digest for one in CONFIGURATIONS}
+    return [line for line in read_lines(file) if line["digest"] == digests.get(line["configuration"])]
+
+
 def summary(file: Path) -> dict[str, object]:
     """False alarms, p-values and powers of all sets in the file."""
-    sets = sorted(read_lines(file), key=lambda line: (line["configuration"], line["index"]))
+    sets = sorted(_current(file), key=lambda line: (line["configuration"], line["index"]))
     p: Counter[str] = Counter()
     for line in sets:
         p.update(line["p"])
@@ -250,12 +274,15 @@ def summary(file: Path) -> dict[str, object]:
         for family in ("image", "tile", "omnibus")
         if p[f"{family} of"]
     }  # fmt: skip
+    rests = {name for one in CONFIGURATIONS if one.label in table for name in one.rests_on}
+    origin = {"provenance": provenance.provenance(METHOD, rests)}
     power = {
         name: [round(float(np.mean([line["noticed"][name][k] for line in sets])), 4) for k in range(3)]
         for name in ("image", "tile", "verdict")
     } if sets else {}  # fmt: skip
     alarms = {rule: sum(line["rivals"][rule] for line in sets) for rule in rivals.RULES}
     return {
+        **origin,
         "verdicts": sum(len(line["outcomes"]) for line in sets),
         "false_alarms": sum(line["outcomes"].count("FAIL") for line in sets),
         "sets": len(sets),
@@ -263,5 +290,5 @@ def summary(file: Path) -> dict[str, object]:
         "rival_false_alarms": alarms,
         "configurations": table,
         "p_values": shares,
-        "power": {"strengths": list(STRENGTHS), **power},
+        "power": {**origin, "strengths": list(STRENGTHS), **power},
     }

@@ -20,6 +20,7 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
+from raycheck.judging.agenda import standard_technique
 from raycheck.judging.parts import Parts, folder, manifest
 from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import document, variants
@@ -27,8 +28,10 @@ from raycheck.scene.content import read_content
 from raycheck.scene.document import Element
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST, grid, region_means
-from raycheck.truth import references
+from raycheck.truth import provenance, references
 
+METHOD = 1
+"""Version of how templates are made, see truth.provenance."""
 FINER = 4
 SPP, SEEDS = 16, 8
 MASK_SPP = 16
@@ -239,6 +242,7 @@ def write(scenes: Sequence[str]) -> Iterator[str]:
         listing[scene] = {
             "hash": variants.scene_hash(of.path), "lights": list(found.lights),
             "lengths": list(found.lengths), "surfaces": list(found.surfaces), "spp": SPP * SEEDS * FINER**2,
+            "provenance": provenance.provenance(METHOD, [f"{scene} {standard_technique(of).name} auto"]),
         }  # fmt: skip
         text = json.dumps(dict(sorted(listing.items())), indent=1, ensure_ascii=False) + "\n"
         write_whole(target / "manifest.json", text)

@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from raycheck.base import data
 from raycheck.base.errors import RenderError
 from raycheck.base.files import write_whole
 from raycheck.calibration import mutants
@@ -20,7 +21,7 @@ from raycheck.renderers import films
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique
 
-FILE = mutants.FOLDER / "payloads.json"
+FILE = data.MUTANT_PAYLOADS
 SAMPLES, SEED = 4, 0
 ELSEWHERE = {
     "light-choice-careless": ("hidden-light", "nee-contribution"),

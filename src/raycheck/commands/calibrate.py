@@ -149,7 +149,7 @@ def run_gradings(
         grader, file = Grader.prepare(asked, Tier.NONE), _ready(work) / "gradings.jsonl"
         for found in gradings.measure(file, grader, count, _pool(jobs, dask)):
             typer.echo(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
-        _put("gradings", gradings.summary(file, gradings.digest_of(grader)), json_file)
+        _put("gradings", gradings.summary(file, asked), json_file)
 
 
 def _pool(jobs: int | None, dask: str | None) -> pools.Pool | None:

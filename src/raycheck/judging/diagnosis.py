@@ -3,7 +3,7 @@
 A signature is what a mistake adds to the image of a correct renderer, as means of 8×8 tiles: measured once
 with the patched program and the correct one from the same seeds (`raycheck calibrate signatures`), so that
 their noise cancels. `references/signatures/SCENE.npz` holds those of a scene, `manifest.json` what each
-mistake is, the hashes of the scenes that they belong to and the payloads of the mistakes.
+mistake is, the hashes of the scenes that they belong to and what pictures they rest on.
 
 With D the error of the image, S a signature, a its strength and σ the noise of both,
     χ²(a) = Σ (D - a S)² / (σ² + (τ D)² + (τ a S)²),

@@ -32,10 +32,15 @@ from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
 from raycheck.stats.verdict import Outcome, judge
 from raycheck.truth.expected import Truth
+from raycheck.truth.provenance import provenance
+
+METHOD = 1
+"""Version of how pictures are judged, see truth.provenance."""
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded)
+    rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
+    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded, provenance=rests)
     technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
     seeds = case_seeds(task.label, technique, settings.seed, taken)
     try:
@@ -162,7 +167,7 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
 
 
 def _fingerprint(task: Task, picture: str, truth: Truth, settings: Settings) -> str:
-    what = (task.label, task.technique, picture, truth.digest)
+    what = (METHOD, task.label, task.technique, picture, truth.digest)
     how = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
     return hashlib.blake2b(repr((what, how)).encode(), digest_size=16).hexdigest()
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from raycheck.base.errors import NotFound
 from raycheck.stats.verdict import Outcome
+from raycheck.truth.provenance import Provenance
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ class Case:
     """Of the reference, the settings and the renderer's first picture: a case that has it need not be judged
     again.
     """
+    provenance: Provenance = field(default_factory=dict)
+    """The pictures that the verdict rests on, and METHOD of renders."""
 
 
 @dataclass(frozen=True)
