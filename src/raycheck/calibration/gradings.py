@@ -45,9 +45,9 @@ class Grading:
 
     index: int
     verdicts: dict[str, str]
-    """By task and number of its scene."""
+    """The verdicts by "task/number of its scene"."""
     reasons: list[str]
-    """Of failures."""
+    """Why it failed where it did."""
     second_looks: int
     """Looks that failed and that a second one, with fresh seeds, did not confirm."""
     digest: str
@@ -62,7 +62,7 @@ def quick(assignment: Assignment) -> Assignment:
 
 
 def grade_honest(grader: Grader, index: int, digest: str) -> Grading:
-    """Every scene of every task, with keys of their own."""
+    """Grade every scene of every task, with keys of their own."""
     secret = hashlib.sha256(f"gradings {index}".encode()).digest()
     fresh = replace(grader, keys=Keys(f"gradings {index}", secret))
     verdicts, reasons, second = {}, [], 0

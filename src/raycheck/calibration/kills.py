@@ -38,7 +38,7 @@ CLASSES = ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, np.inf))
 
 @dataclass(frozen=True)
 class Kill:
-    """One mistake, at one strength."""
+    """The verdicts on one mistake at one strength."""
 
     name: str
     kind: str
@@ -48,7 +48,7 @@ class Kill:
     effect: float | None
     """Largest bias of a region over what is noticed there with 90 % probability; None without images."""
     rejected: dict[str, bool]
-    """By rule."""
+    """Whether each rule rejects it."""
     reason: str
     digest: str
     """Digest of the pictures and the method: what has it need not be judged again."""
@@ -97,7 +97,9 @@ def _images(program: Path, scene: str, shows: str, requests: tuple[tuple[int, in
 
 
 def _effect(images: Array, pilot: Array, broken: Array, truth: Truth) -> float:
-    """From the same seeds, so that the noise is nearly the same and what is left is the mistake."""
+    """The largest bias over what is noticed, from images of the same seeds: their noise is nearly the same,
+    and what is left is the mistake.
+    """
     sets = trials.judge_images(images, pilot, truth, SPP)
     bias = np.abs(region_means((broken - images).mean(axis=0)[None], sets.regions)[0])
     mde = sets.detectable()

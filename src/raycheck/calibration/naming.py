@@ -73,7 +73,7 @@ def _shares(
 
 
 def even(name: str) -> bool:
-    """The half of the catalogue that KNOWN was chosen by."""
+    """Whether it is in the half of the catalogue by which KNOWN was chosen."""
     return hashlib.sha256(name.encode()).digest()[0] % 2 == 0
 
 

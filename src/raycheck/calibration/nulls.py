@@ -75,7 +75,7 @@ CONFIGURATIONS = (
 )
 
 Render = Callable[[list[int]], Array]
-"""From seeds to images (n, H, W, 3)."""
+"""A function from n seeds to images (n, H, W, 3)."""
 
 
 def oneray_render(configuration: Configuration) -> Render:
@@ -121,11 +121,11 @@ class Judged:
 
     outcome: Outcome
     p: Counter[str]
-    """From "image", "tile" or "omnibus" and a level to how many p-values were below it, and to how many there
-    were: of single sets, two-sided, without any allowance.
+    """How many p-values of "image", "tile" and "omnibus" were below each level, and how many there were:
+    those of single sets, two-sided, without any allowance.
     """
     noticed: dict[str, list[bool]]
-    """By "image", "tile", "verdict": was a bias of so many minimal detectable ones noticed?"""
+    """Whether a bias of each of STRENGTHS was noticed in "image", "tile" and "verdict"."""
 
 
 def judge_null(images: Array, pilot_images: Array, truth: Truth) -> Judged:
@@ -156,8 +156,8 @@ def _p_values(first: Array, second: Array, expected: Expected) -> Counter[str]:
 
 
 def _injected(sets: trials.Sets) -> dict[str, list[bool]]:
-    """The image brightened in the channel of the worst detectable bias by multiples of it; and so the tile
-    that nine tenths of the tiles are at least as sensitive as.
+    """Whether multiples of the worst detectable bias are noticed, added to the image in its channel, and
+    likewise to the tile than which nine tenths are no less sensitive.
     """
     noticed: dict[str, list[bool]] = {"image": [], "tile": [], "verdict": []}
     scale = np.where(sets.expected.yardstick > 0, sets.expected.yardstick, 1.0)
@@ -176,7 +176,7 @@ def _injected(sets: trials.Sets) -> dict[str, list[bool]]:
 
 
 def _notices(sets: trials.Sets, at: tuple[int, int], bias: Array) -> bool:
-    """Does the one test of this region and channel FAIL with this bias?"""
+    """Whether the one test of this region and channel FAILs with this bias."""
     noise = (sets.expected.variance, sets.expected.batches, sets.expected.batch_variance)
     one, two = (st.moments(residuals + bias, *noise) for residuals in (sets.first, sets.second))
     p = st.two_set_p(one, two, sets.expected.allowance)
@@ -190,11 +190,11 @@ class Set:
     configuration: str
     index: int
     outcomes: list[str]
-    """Of the parts."""
+    """The verdicts on the parts."""
     whole: str
     p: dict[str, int]
     noticed: dict[str, list[bool]]
-    """Of the whole image."""
+    """As in Judged, by the whole image."""
     rivals: dict[str, bool]
     digest: str
     """Digest of the pictures and the method: what has it need not be judged again."""

@@ -67,7 +67,7 @@ def emitters(root: Element) -> list[tuple[Element, Element]]:
 
 
 def light_names(root: Element) -> list[str]:
-    """For people: "the sky" where there is one, else by the number in the file."""
+    """What people call the lights: "the sky" where there is one, else by the number in the file."""
     kinds = [emitter.get("type", "") for _, emitter in emitters(root)]
     if len(kinds) > MOST_LIGHTS:
         return ["the lights"]
@@ -81,7 +81,7 @@ def light_names(root: Element) -> list[str]:
 
 
 def surfaces(root: Element) -> list[Surface]:
-    """By the lamp that it is, its id, the comment above it, its material's id, or its kind."""
+    """The surfaces, named as the lamp, by id, the comment above, the material's id, or the kind of shape."""
     named: dict[str, list[int]] = {}
     lamp = "the lamp" if len(root.findall("./shape/emitter")) == 1 else "the lamps"
     above: list[str] = []
@@ -106,7 +106,7 @@ def surfaces(root: Element) -> list[Surface]:
 
 
 def _names_in(comment: str) -> list[str]:
-    """Of the shapes below it: "floor", "left slope, up to the ridge" or "wall: red, yellow, blue"."""
+    """The names that a comment gives to the shapes below it, such as "floor" or "wall: red, yellow, blue"."""
     first, *others = [words.strip() for words in comment.partition(":")[2 * (":" in comment)].split(",")]
     if len(first.split()) > LONGEST_NAME:
         return []

@@ -1,4 +1,4 @@
-"""Signature images of the catalogued mistakes, and the images that naming is measured by.
+"""Signature images of the catalogued mistakes, and the images by which naming is measured.
 
 A program with a mistake and the correct one render the same seeds; where a first picture is the same bit for
 bit, the mistake does not show in that scene, and all its pictures are the correct ones. Tile means are kept
@@ -54,7 +54,7 @@ scene has one there as well.
 
 
 def scenes_of(wanted: Sequence[Mutant]) -> list[str]:
-    """The scenes that signatures are made for."""
+    """The scenes for which signatures are made."""
     return [*COMPLETE, *sorted({mutant.scene for mutant in wanted} - set(COMPLETE))]
 
 
@@ -146,7 +146,7 @@ def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
 
 
 def _shows(difference: Array) -> bool:
-    """Does the mean (of SEEDS, T, 3) differ by more than noise? That of mistakes in the seeds does not."""
+    """Whether the mean of (SEEDS, T, 3) differs by more than noise; mistakes in the seeds do not."""
     variance = difference.var(axis=0, ddof=1) / len(difference)
     varies = variance > 0
     z = difference.mean(axis=0)[varies] ** 2 / variance[varies]

@@ -76,7 +76,7 @@ class Grader:
     tier: Tier | None
     """None: the strongest that works where it is graded."""
     seconds: float = math.inf
-    """For the whole of one submission."""
+    """How long the whole of one submission may take."""
 
     @classmethod
     def prepare(cls, assignment: Assignment, tier: Tier | None) -> "Grader":
@@ -137,7 +137,7 @@ class Grader:
         return result
 
     def _pictures(self, task: Task, attempt: "Attempt") -> TaskResult:
-        """Points for pictures that were handed in."""
+        """Judge pictures that were handed in."""
         started = time.perf_counter()
         student, files = attempt.student, attempt.submission.pictures(task.id)
         of = self.assignment.scene(task.scenes[0])
@@ -325,7 +325,7 @@ def _doubt(scenes: Sequence[SceneResult]) -> None:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A submission that was built, and what it is tried in."""
+    """A submission that was built, with the places where it is tried."""
 
     student: str
     submission: Submission
@@ -337,7 +337,7 @@ class Attempt:
 
 
 def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:
-    """Make references of the variants that these students hand in pictures of."""
+    """Make references of the variants of which these students hand in pictures."""
     of, pool = assignment.scene(task.scenes[0]), picture_pool(assignment, keys, task)
     for index in sorted({pool_index(of, student, task.variants, keys) for student in students}):
         with_reference(pool[index], assignment.delta)

@@ -82,7 +82,7 @@ class Hypothesis:
 
     @property
     def says(self) -> int:
-        """Number of things."""
+        """How many of light, length and surface it names."""
         return sum(map(bool, (self.light, self.length, self.surface)))
 
 
@@ -95,7 +95,7 @@ class Factor:
     """−1 where it is missing, 1 where there is twice as much."""
     low: float
     high: float
-    """99 % interval."""
+    """The end of its 99 % interval, from `low`."""
 
 
 @dataclass(frozen=True)
@@ -152,12 +152,12 @@ def hypotheses(of: Parts) -> Iterator[tuple[Hypothesis, Array, Array]]:
 class _Fit:
     parts: Sequence[Hypothesis]
     factors: Array
-    """(k,) c of each"""
+    """(k,) the estimate c of each part."""
     deviations: Array
-    """(k,)"""
+    """(k,) their standard errors."""
     chi: float
     explained: Array
-    """(T, 3) sum of c T"""
+    """(T, 3) the sum of c T over the parts."""
     freedom: int
 
     @property

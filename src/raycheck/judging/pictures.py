@@ -123,7 +123,7 @@ class _Interleaved:
     """
 
     pixels: Array
-    """(k, H, W, 3) residuals"""
+    """(k, H, W, 3) residuals."""
     classes: int
 
     def _member(self) -> NDArray[np.int64]:
@@ -137,7 +137,7 @@ class _Interleaved:
         return [r for r in regions if len(np.unique(member[r.window])) == self.classes]
 
     def region_means(self, regions: list[Tile]) -> Array:
-        """(k × classes, R, 3)"""
+        """(k × classes, R, 3) means of each class of pixels over the regions."""
         if self.classes == 1:
             return region_means(self.pixels, regions)
         member = self._member()

@@ -57,7 +57,7 @@ FIGURES = (
     "bias", "bias_low", "bias_high", "mde_image", "mde_tile_p90", "mde_tile_max", "p_image", "p_tile",
     "p_omnibus", "tile_differences", "heavy_tailed",
 )  # fmt: skip
-"""Of a judgement, that its case has too."""
+"""The figures of a judgement that its case has too."""
 
 
 def figures(found: Judgement, regions: list[Tile]) -> dict[str, Any]:

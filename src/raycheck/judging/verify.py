@@ -102,7 +102,7 @@ def _judge_all(
     agenda: Agenda, settings: Settings, budget: float, started: float,
     on_case: Callable[[Case, int], None] | None,
 ) -> list[Case]:  # fmt: skip
-    """All verdicts, a quick run's within the budget in seconds."""
+    """Judge all cases, those of a quick run within the budget in seconds."""
     cases: list[Case] = []
     truths: dict[str, Truth] = {}
     taken: dict[str, range] = {}

@@ -48,14 +48,14 @@ NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class Measurement:
-    """One render."""
+    """What one render costs."""
 
     variance: Array
     """(H, W) of one sample of each pixel, the mean over the channels."""
     seconds: float
-    """For one sample of every pixel."""
+    """Seconds of one sample of every pixel."""
     build_seconds: float
-    """Before the first sample: trees, tables, and the pre-pass of learned choice."""
+    """Seconds before the first sample: trees, tables, and the pre-pass of learned choice."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +66,17 @@ class Price:
     spp: int
     """Samples per pixel of each round."""
     variance: float
-    """Of one sample per pixel, (W·sr⁻¹·m⁻²)², over all rounds."""
+    """The variance of one sample per pixel, (W·sr⁻¹·m⁻²)², over all rounds."""
     variance_error: float
     """Its standard error, relative to it."""
     seconds_per_sample: float
     """Median over the rounds, for one sample of every pixel."""
     build_seconds: float
     relative_variance: Spread | None
-    """Times the baseline's; None where the baseline's is 0."""
+    """The variance over the baseline's; None where the baseline's is 0."""
     relative_time: Spread
     efficiency: Spread | None
-    """Times the baseline's; None where the variance of either is 0."""
+    """The efficiency over the baseline's; None where the variance of either is 0."""
     unbounded: bool = False
     """The scene says that its samples have no bound: the variance may be infinite."""
 
@@ -90,7 +90,7 @@ class ScenePrices:
     rounds: int
     prices: list[Price]
     left_out: dict[str, str] = field(default_factory=dict)
-    """From technique to why oneray cannot render the scene with it."""
+    """Why oneray cannot render the scene with a technique, by the technique."""
     provenance: Provenance = field(default_factory=dict)
 
 
@@ -134,7 +134,7 @@ def price(name: str, spp: int, own: Sequence[Measurement], baseline: Sequence[Me
 
 
 def most_efficient_first(prices: Sequence[Price]) -> list[Price]:
-    """Without variance before all others, then by efficiency, then by variance times time."""
+    """The prices, those without variance first, then by efficiency, then by variance times time."""
 
     def key(one: Price) -> tuple[bool, float, float]:
         gain = one.efficiency.median if one.efficiency else 0.0

@@ -48,7 +48,7 @@ class Figure:
 class Cell:
     text: str
     value: float | str
-    """What the table sorts by."""
+    """The number by which the table sorts."""
 
 
 @dataclass(frozen=True)

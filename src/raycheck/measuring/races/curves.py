@@ -30,7 +30,7 @@ class Curve:
     sample_seconds: Spread | None = None
     """Process time of one sample of every pixel, over the rounds."""
     slope: Band | None = None
-    """Of log RMSE over log samples."""
+    """Slope of log RMSE over log samples."""
     relative_slope: Band | None = None
     """The same of the root of relMSE."""
     slope_without_outliers: Band | None = None
@@ -70,7 +70,7 @@ class SceneCurves:
     rounds: int
     baseline: str
     mean: float
-    """Of the reference over pixels and channels."""
+    """Mean of the reference over pixels and channels."""
     epsilon: float
     floor: float
     """RMSE of the reference itself, 0 where a closed form stands."""

@@ -19,7 +19,7 @@ from raycheck.stats.verdict import Outcome
 from raycheck.truth.expected import Truth
 
 TARGET = 0.01
-"""The relative RMSE that a time is given for."""
+"""The relative RMSE to which the time is told."""
 
 
 def measured_curve(entry: Entry, of: Variant, truth: Truth, rounds: int) -> Curve:

@@ -125,8 +125,8 @@ def _relative(curves: list[Curve]) -> list[Curve]:
 
 
 def shown_names(of: Variant, curves: Mapping[str, Curve]) -> list[str]:
-    """Whose pictures are shown: oneray's default technique, the others that are not oneray's, the plain walk
-    or `nee`.
+    """The contestants whose pictures are shown: oneray's default technique, the others that are not oneray's,
+    the plain walk or `nee`.
     """
     own = {one.name for one in TECHNIQUES}
     alive = [name for name, one in curves.items() if not one.reason]
