@@ -26,7 +26,7 @@ from raycheck.base.data import ROOT
 from raycheck.base.files import write_whole
 from raycheck.base.text import scenes_json
 from raycheck.calibration import gradings, kills, naming, nulls, part_making, signatures
-from raycheck.judging import renders
+from raycheck.judging import judge_renderer
 from raycheck.measuring import prices
 from raycheck.measuring.races import racing
 from raycheck.measuring.stability import results, sweeps
@@ -80,7 +80,7 @@ def _calibrated(section: str, method: int, *more: str) -> Result:
 
 
 RESULTS = (
-    Result("verification.json", "cases", renders.METHOD,
+    Result("verification.json", "cases", judge_renderer.METHOD,
            (*RAYCHECK, "verify", "--thorough", "--resume", "--json", "{file}"), ("scene", "technique")),
     Result("techniques.json", "scenes", prices.METHOD,
            (*RAYCHECK, "techniques", "{stale}", "--json", "{file}"), ("scene",), partial(rows, "techniques")),

@@ -18,7 +18,7 @@ import pytest
 import raycheck
 from raycheck.base.errors import NotFound, ReferenceError_, RenderError
 from raycheck.base.images import encode_srgb, load_image, write_exr, write_pfm, write_png
-from raycheck.judging import renders
+from raycheck.judging import judge_renderer
 from raycheck.judging.settings import PILOT_SPP
 from raycheck.renderers.commands import Command, split_command
 from raycheck.scene import variants
@@ -400,7 +400,7 @@ class TestRun:
         assert judged(counting(truth), earlier=[first]) == first and len(calls) == 1
         assert judged(counting(1.03 * truth), earlier=[first]).verdict is Outcome.FAIL
         assert judged(counting(truth), earlier=[first], seed=1).fingerprint != first.fingerprint
-        monkeypatch.setattr(renders, "METHOD", renders.METHOD + 1)
+        monkeypatch.setattr(judge_renderer, "METHOD", judge_renderer.METHOD + 1)
         assert judged(counting(truth), earlier=[first]).fingerprint != first.fingerprint
 
     def test_runs_without_oneray_and_mitsuba(self, tmp_path):

@@ -14,7 +14,7 @@ from raycheck.base.images import Image
 from raycheck.calibration import rivals
 from raycheck.calibration.mutants import OPTIONS
 from raycheck.judging import checks
-from raycheck.judging.plan import measure
+from raycheck.judging.plan import measure_pilot
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds
 from raycheck.judging.verify import verify
 from raycheck.renderers.renderer import Rendering
@@ -84,7 +84,7 @@ def judge_images(
     images: Array, pilot_images: Array, truth: Truth, spp: int, pilot_spp: int = PILOT_SPP
 ) -> Sets:
     """Judge 64 images at `spp` samples per pixel, and 8 of a pilot."""
-    pilot = measure(pilot_images, pilot_spp, truth, {pilot_spp: 1.0})
+    pilot = measure_pilot(pilot_images, pilot_spp, truth, {pilot_spp: 1.0})
     regions = truth.regions(spp, pilot.skewness)
     expected = truth.expected(regions, spp / max(pilot.noise, 1.0))
     residuals = region_means(images, regions) - expected.mean

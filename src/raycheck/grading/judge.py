@@ -31,9 +31,9 @@ from raycheck.grading.program import OVER, Program, Tried, build, write_scene
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.judging import checks
-from raycheck.judging.pictures import judge_pictures
+from raycheck.judging.cases import Case
+from raycheck.judging.judge_images import judge_pictures
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES
-from raycheck.judging.verdicts import Case
 from raycheck.judging.verify import verify
 from raycheck.renderers import builds
 from raycheck.scene import lecture

@@ -25,7 +25,7 @@ from scipy import special
 
 from raycheck.base import data
 from raycheck.base.arrays import Array
-from raycheck.judging.evidence import Evidence
+from raycheck.judging.tile_errors import TileErrors
 from raycheck.scene import variants
 
 CERTAINTY = 0.99
@@ -179,7 +179,7 @@ class _Fit:
         return bool(np.abs(self.explained - other.explained).max() < ALIKE * size)
 
 
-def _fit(parts: Sequence[tuple[Hypothesis, Array, Array]], found: Evidence, noise: Array) -> _Fit:
+def _fit(parts: Sequence[tuple[Hypothesis, Array, Array]], found: TileErrors, noise: Array) -> _Fit:
     """V depends on c; three rounds are enough as it does so little."""
     images = np.stack([image for _, image, _ in parts])
     inexact = np.stack([variance + (INEXACT * image) ** 2 for _, image, variance in parts])
@@ -199,7 +199,7 @@ def _fit(parts: Sequence[tuple[Hypothesis, Array, Array]], found: Evidence, nois
     return _Fit(names, factors, deviations, chi, explained, found.error.size - len(parts))
 
 
-def explain(found: Evidence) -> Explanation | None:
+def explain(found: TileErrors) -> Explanation | None:
     """The part of the light whose factor alone explains the error, or else the lights, or the path lengths,
     with a factor each; None if there is none, or if too many would.
     """

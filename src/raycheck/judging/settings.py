@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from raycheck.base.seeds import make_seeds
+from raycheck.judging.cases import Case
 from raycheck.judging.plan import Goals
-from raycheck.judging.verdicts import Case
 from raycheck.stats.verdict import Limits
 from raycheck.truth.expected import Truth
 

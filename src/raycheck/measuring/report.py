@@ -20,7 +20,7 @@ from raycheck.base.images import Image
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.seeds import make_seeds
 from raycheck.base.text import duration, percent, signed
-from raycheck.judging.verdicts import Case, Verification
+from raycheck.judging.cases import Case, Verification
 from raycheck.judging.verify import verify
 from raycheck.measuring import log_log, race_plots, speed
 from raycheck.measuring.contestants import oneray_line

@@ -6,7 +6,7 @@ import numpy as np
 
 from raycheck.base.arrays import Array
 from raycheck.judging import checks, sentences
-from raycheck.judging.pictures import judge_few
+from raycheck.judging.judge_images import judge_few
 from raycheck.measuring.races.curves import Curve
 from raycheck.measuring.races.race import Entry
 from raycheck.scene.content import read_content
