@@ -176,7 +176,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Changes of raycheck's sources that its tests must notice.")
     parser.add_argument("--only", metavar="NAME", action="append", help="this change; may be repeated")
     parser.add_argument("--jobs", metavar="N", type=int, default=1, help="changes tried at a time")
-    parser.add_argument("--missing", action="store_true", help="only those that FILE does not have as they are")
+    parser.add_argument("--missing", action="store_true", help="only what FILE does not have as it is")
     parser.add_argument("--json", metavar="FILE", type=Path, help="where the result goes")
     wanted = parser.parse_args()
     chosen = [one for one in CHANGES if not wanted.only or one.name in wanted.only]

@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import benchmark
 import benchmark_measure
 
 from raycheck.base.data import ROOT
@@ -33,7 +35,7 @@ from raycheck.measuring.stability import results, sweeps
 from raycheck.truth.provenance import changes
 
 REFERENCES = ROOT / "references"
-RAYCHECK = (sys.executable, "-m", "raycheck")
+RAYCHECK = shlex.join([sys.executable, "-m", "raycheck"])
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,12 @@ class Result:
 
     file: str
     at: str
-    """Key of the list or dictionary of entries, or of the one entry."""
+    """Key of the list or dictionary of entries, or of the one entry; "" is the whole file."""
     method: int
-    measure: tuple[str, ...]
+    measure: str
     """The command that measures it; {stale} becomes the names of what is stale, {file} the file."""
     name: tuple[str, ...] = ()
-    """Keys of an entry that together name it; none for a dictionary, or for one entry."""
+    """Keys of an entry that together name it, of a list."""
     text: Callable[[dict[str, Any]], str] | None = None
     """How the file is written where the command writes what it measured alone: it is put among the others."""
 
@@ -64,10 +66,10 @@ class Result:
         return {self.at: found} if "provenance" in found else found
 
     def stale(self) -> dict[str, list[str]]:
-        """From the names of stale entries to the reasons."""
-        reasons = {name: changes(entry.get("provenance", {}), self.method)
-                   for name, entry in self.entries().items()}  # fmt: skip
-        return {name: why for name, why in reasons.items() if why}
+        """The reasons why entries are stale, by the names of these."""
+        found = {name: changes(entry.get("provenance", {}), self.method)
+                 for name, entry in self.entries().items()}  # fmt: skip
+        return {name: reasons for name, reasons in found.items() if reasons}
 
 
 def rows(key: str, found: dict[str, Any]) -> str:
@@ -75,31 +77,29 @@ def rows(key: str, found: dict[str, Any]) -> str:
     return scenes_json({k: v for k, v in found.items() if k != "scenes"}, key, found["scenes"])
 
 
-def _calibrated(section: str, method: int, *more: str) -> Result:
-    return Result("calibration.json", section, method, (*RAYCHECK, "calibrate", section, *more))
+def _calibrated(section: str, method: int, more: str = "") -> Result:
+    return Result("calibration.json", section, method, f"{RAYCHECK} calibrate {section} {more}")
 
 
 RESULTS = (
     Result("verification.json", "cases", judge_renderer.METHOD,
-           (*RAYCHECK, "verify", "--thorough", "--resume", "--json", "{file}"), ("scene", "technique")),
-    Result("techniques.json", "scenes", prices.METHOD,
-           (*RAYCHECK, "techniques", "{stale}", "--json", "{file}"), ("scene",), partial(rows, "techniques")),
+           f"{RAYCHECK} verify --thorough --resume --json {{file}}", ("scene", "technique")),
+    Result("techniques.json", "scenes", prices.METHOD, f"{RAYCHECK} techniques {{stale}} --json {{file}}",
+           ("scene",), partial(rows, "techniques")),
     Result("error_curves.json", "scenes", racing.METHOD,
-           (*RAYCHECK, "report", "{stale}", "--against", "mitsuba", "--seconds", "2", "--verification",
-            str(REFERENCES / "verification.json"), "-o", str(ROOT / "build/report"), "--json", "{file}"),
-           ("scene",), partial(rows, "curves")),
-    Result("stability.json", "cases", sweeps.METHOD,
-           (*RAYCHECK, "stability", "{stale}", "--json", "{file}"), ("case",), results.as_text),
+           f"{RAYCHECK} report {{stale}} --against mitsuba --seconds 2 -o build/report --json {{file}} "
+           "--verification references/verification.json", ("scene",), partial(rows, "curves")),
+    Result("stability.json", "cases", sweeps.METHOD, f"{RAYCHECK} stability {{stale}} --json {{file}}",
+           ("case",), results.as_text),
     Result("benchmark.json", "scenes", benchmark_measure.METHOD,
-           (sys.executable, str(ROOT / "scripts/benchmark.py"), "--no-growth", "{stale}", "--json", "{file}"),
-           ("name",)),
+           f"{sys.executable} scripts/benchmark.py --no-growth {{stale}} --json {{file}}", ("name",)),
     _calibrated("nulls", nulls.METHOD),
     _calibrated("mde", nulls.METHOD),
     _calibrated("mutants", kills.METHOD),
-    Result("signatures/manifest.json", "scenes", signatures.METHOD, (*RAYCHECK, "calibrate", "signatures")),
+    Result("signatures/manifest.json", "scenes", signatures.METHOD, f"{RAYCHECK} calibrate signatures"),
     _calibrated("naming", naming.METHOD),
-    _calibrated("gradings", gradings.METHOD, "--assignment", str(ROOT / "docs/lecture12.toml")),
-    Result("parts/manifest.json", "", part_making.METHOD, (*RAYCHECK, "calibrate", "parts", "{stale}")),
+    _calibrated("gradings", gradings.METHOD, "--assignment docs/lecture12.toml"),
+    Result("parts/manifest.json", "", part_making.METHOD, f"{RAYCHECK} calibrate parts {{stale}}"),
 )  # fmt: skip
 """All results, in an order in which each finds what it needs."""
 
@@ -111,32 +111,25 @@ def lines() -> Iterator[str]:
             yield f"references/{result.file}: {name}: {'; '.join(reasons)}"
 
 
-def command(result: Result, stale: Mapping[str, Any], file: Path) -> list[str]:
-    """The command that measures the stale entries of a result."""
-    names = [word for name in stale for word in (("--scene", name) if result.name == ("name",) else (name,))]
-    words = [list(names) if word == "{stale}" else [word.replace("{file}", str(file))]
-             for word in result.measure]  # fmt: skip
-    return [word for some in words for word in some]
+def command(result: Result, stale: Iterable[str], file: Path) -> list[str]:
+    """The command that measures these entries of a result."""
+    flag = "--scene " if result.name == ("name",) else ""
+    names = " ".join(flag + shlex.quote(name) for name in stale)
+    return shlex.split(result.measure.format(stale=names, file=shlex.quote(str(file))))
 
 
-def put(kept: dict[str, Any], new: Mapping[str, Any], result: Result) -> dict[str, Any]:
-    """The kept file with the new entries in the places of those of the same names."""
-    by_name = {tuple(entry[key] for key in result.name): entry for entry in new[result.at]}
-    return kept | {
-        result.at: [by_name.get(tuple(entry[key] for key in result.name), entry) for entry in kept[result.at]]
-    }
-
-
-def measure(result: Result, stale: Mapping[str, Any]) -> None:
-    """Measure the stale entries of a result, and keep the others."""
+def measure(result: Result, stale: Iterable[str]) -> None:
+    """Measure these entries of a result, and keep the others."""
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         file = Path(folder) / "new.json" if result.text else result.path
-        done = subprocess.run(command(result, stale, file), check=False)
+        done = subprocess.run(command(result, stale, file), cwd=ROOT, check=False)
         if done.returncode == 2 or not file.is_file():
             sys.exit(f"stale: references/{result.file} could not be measured")
         if result.text:
             kept, new = (json.loads(path.read_text(encoding="utf-8")) for path in (result.path, file))
-            write_whole(result.path, result.text(put(kept, new, result)))
+            for entry in new[result.at]:
+                benchmark.put(kept[result.at], entry, result.name[0])
+            write_whole(result.path, result.text(kept))
 
 
 def main() -> int:

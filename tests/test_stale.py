@@ -115,7 +115,7 @@ def test_only_what_is_stale_is_measured(tmp_path: Path, monkeypatch: pytest.Monk
     class Done:
         returncode = 0
 
-    def measured(words: list[str], check: bool) -> Done:
+    def measured(words: list[str], cwd: Path, check: bool) -> Done:
         Path(words[-1]).write_text(json.dumps({"scenes": [fresh]}), encoding="utf-8")
         return Done()
 
