@@ -31,9 +31,9 @@ class TaskCheck:
     task: Task
     seconds: float = 0.0
     picture_seconds: float = 0.0
-    """The slowest picture's."""
+    """Seconds of the slowest picture."""
     scene_seconds: float = 0.0
-    """The slowest scene's."""
+    """Seconds of the slowest scene."""
     honest: list[SceneResult] = field(default_factory=list)
     mistakes: dict[str, Outcome] = field(default_factory=dict)
     """The verdict on each mistake that changes the picture, by its name."""

@@ -11,7 +11,7 @@ from raycheck.renderers import builds
 
 @dataclass(frozen=True)
 class Checkout(builds.Build):
-    """A build together with the sources that mutants are made of."""
+    """A build, with the sources from which mutants are made."""
 
     sources: str = ""
     """A name for oneray's sources and the way in which mutants are made of them here."""

@@ -59,7 +59,7 @@ def kind(mutant: Mutant) -> str:
 
 
 def rests_on(mutant: Mutant) -> list[str]:
-    """The pictures that are judged, and what they are compared with."""
+    """The pictures that are judged, the correct ones, and the reference."""
     return [f"mutant {mutant.name}", f"{mutant.scene} {mutant.shows} double", f"reference {mutant.scene}"]
 
 

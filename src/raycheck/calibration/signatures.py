@@ -40,7 +40,7 @@ class Pair:
 
     @property
     def rests_on(self) -> list[str]:
-        """Those of the mistake, and the correct ones that they are compared with."""
+        """The pictures of the mistake, and the correct ones of the same technique."""
         return [f"mutant {self.mutant.name}", f"{self.scene} {self.mutant.shows} double"]
 
 

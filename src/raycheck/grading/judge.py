@@ -72,7 +72,7 @@ class Grader:
     assignment: Assignment
     keys: Keys
     scenes: dict[str, list[tuple[Variant, str, Variant | None]]]
-    """By task: what is rendered, what it is called, and, of a hidden variant, the scene that it varies."""
+    """Scenes by task: what is rendered, its name, and the scene that it varies if it is a hidden variant."""
     tier: Tier | None
     """None: the strongest that works where it is graded."""
     seconds: float = math.inf
@@ -344,7 +344,7 @@ def make_picture_references(assignment: Assignment, keys: Keys, task: Task, stud
 
 
 def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant]:
-    """The variants of which each student gets one to hand in pictures of."""
+    """The variants, of which each student hands in pictures of one."""
     folder, of = private_folder(assignment.path) / "pool", assignment.scene(task.scenes[0])
     return [pool_variant(of, index, keys, folder) for index in range(task.variants)]
 

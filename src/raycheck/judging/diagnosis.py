@@ -30,9 +30,9 @@ from raycheck.judging.tile_errors import RELATIVE_FLOOR, TileErrors
 from raycheck.scene import variants
 
 LIKENESS = 0.1
-"""τ"""
+"""τ, how unlike the catalogued one a mistake may be, as a share of signature and error."""
 STRENGTH = 0.1
-"""ω"""
+"""ω, what another strength than the catalogued one costs the fit."""
 STRENGTHS = np.exp(np.linspace(np.log(0.2), np.log(3.0), 55))
 KNOWN = 0.93
 """Fit from which a mistake counts as explained: chosen by half of the catalogue (calibration/naming.py)."""
@@ -67,7 +67,7 @@ class Guess:
 
     mistake: Mistake
     fit: float
-    """0…1"""
+    """The share of the error that it explains, 0 … 1."""
     strength: float
 
 

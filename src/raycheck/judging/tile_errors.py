@@ -1,4 +1,4 @@
-"""The error of an image in tiles, and its noise: what mistakes and wrong parts of the light are told by."""
+"""The error of an image in tiles, and its noise, by which mistakes and wrong parts of the light are told."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ class TileErrors:
     correlation: Array
     """(T, 3, 3) of the channels of a tile: one path adds to all of them."""
     scale: Array
-    """(T, 3) what a bias is relative to."""
+    """(T, 3) the unit of a relative bias."""
 
     def noise_blocks(self) -> Array:
         """(T, 3, 3) covariance of the error, with the floor."""

@@ -57,8 +57,9 @@ ATTRIBUTES = (
     "utime", "utimes", "utimensat", "futimesat",
     "setxattr", "lsetxattr", "fsetxattr", "removexattr", "lremovexattr", "fremovexattr",
 )  # fmt: skip
-"""Of files, which Landlock leaves alone: a program that only makes pictures changes none, and is told that it
-did."""
+"""System calls that change attributes of files, which Landlock leaves alone: a program that only makes
+pictures changes none, and is told that it did.
+"""
 
 
 @dataclass(frozen=True)

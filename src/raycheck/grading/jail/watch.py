@@ -24,7 +24,7 @@ from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
 
 KEPT_BYTES = 4000
-"""Of what a program says on standard error."""
+"""How much is kept of what a program says on standard error."""
 WATCH_SECONDS = 0.05
 END_SECONDS = 10.0
 """How long a supervisor may take to end what it looks after."""

@@ -97,7 +97,7 @@ def race(
 
 
 def rests_on(label: str, contestants: Iterable[str]) -> list[str]:
-    """The pictures that the curves of a scene rest on: oneray's, and what all are compared with."""
+    """The pictures that the curves of a scene rest on: oneray's, and the reference."""
     return [f"reference {label}", *(f"{label} {name} auto" for name in contestants)]
 
 

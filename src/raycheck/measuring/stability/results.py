@@ -72,7 +72,7 @@ class Result:
 
 
 def to_json(results: Sequence[Result], header: dict[str, Any]) -> str:
-    """What `read` reads."""
+    """The JSON text of results and their header."""
     return as_text(header | {"cases": [asdict(result) for result in results]})
 
 

@@ -126,7 +126,7 @@ def cases_named(names: Sequence[str]) -> list[Case]:
 
 
 def rests_on(case: Case) -> list[str]:
-    """The pictures of its scene as it stands, by the two estimators that oneray's default comes down to."""
+    """The pictures of its scene as it stands, by the two estimators of which oneray's default is one."""
     ways = [(name, precision) for name in ("nee", "mis-default") for precision in ("double", "single")]
     return [f"stiff/{case.path.stem} {name} {precision}" for name, precision in ways]
 
