@@ -7,6 +7,7 @@
 # make stability  how far both renderers hold in stiff cases, ten minutes, into references/stability.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, twenty minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, three hours of one core, into references/calibration.json, signatures, parts and harness_mutants.json
+#                 of these only what is stale: python scripts/stale.py --measure
 # make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
 # make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from benchmark_contestants import (
     FOLDER,
+    ROOT,
     SAMPLERS,
     Contestant,
     Failed,
@@ -22,6 +23,11 @@ from benchmark_contestants import (
     startup_oneray,
 )
 from benchmark_scenes import BenchScene
+
+from raycheck.truth.provenance import Provenance, provenance
+
+METHOD = 1
+"""Version of how scenes are measured, see raycheck.truth.provenance."""
 
 Log = Callable[[str], None]
 BASELINE = "mitsuba llvm"
@@ -229,6 +235,12 @@ def startups(scene: BenchScene, rounds: int, log: Log) -> list[dict]:
     return found
 
 
+def rests_on(scene: BenchScene) -> Provenance:
+    """The pictures of the scene's file."""
+    name = scene.write(FOLDER).with_suffix("").relative_to(ROOT / "build")
+    return provenance(METHOD, [f"{name} mis-default {precision}" for precision in ("double", "single")])
+
+
 def measure_scene(scene: BenchScene, rounds: int, seconds: float, offer: str, log: Log) -> dict:
     """All of a scene, as it goes into the JSON file. After Ctrl-C: what the finished rounds say."""
     pilots = {name: pilot(name, scene, seconds, log) for name in VARIANTS}
@@ -254,4 +266,5 @@ def measure_scene(scene: BenchScene, rounds: int, seconds: float, offer: str, lo
         "contestants": [row(entry, baseline, rays_per_path) for entry in entries],
         "pilot": pilots,
         "startup": [] if interrupted else startups(scene, rounds, log),
+        "provenance": rests_on(scene),
     }

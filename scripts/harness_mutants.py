@@ -256,7 +256,7 @@ VERDICT = of("stats/verdict.py", ["test_exact_statistics.py", "test_statistics.p
     ("more-samples-heavy", "4.0 if too_heavy else 1.2", "1.2", "heavy tails are taken to be nearly decided"),
 ])  # fmt: skip
 
-EVIDENCE = of("judging/evidence.py", ["test_evidence.py", "test_parts.py", "test_diagnosis.py"], [
+TILE_ERRORS = of("judging/tile_errors.py", ["test_tile_errors.py", "test_parts.py", "test_diagnosis.py"], [
     ("noise-floor", "RELATIVE_FLOOR = 1e-6", "RELATIVE_FLOOR = 1e-9",
      "rounding of float32 counts as a mistake"),
     ("noise-floor-unused", "(RELATIVE_FLOOR * self.scale**2)", "(0 * self.scale**2)",
@@ -274,18 +274,18 @@ EVIDENCE = of("judging/evidence.py", ["test_evidence.py", "test_parts.py", "test
      "noise lacks a root"),
     ("mean-of-batches", "means.var(axis=0, ddof=1) / len(means)", "means.var(axis=0, ddof=1)",
      "the noise of a mean is that of a batch"),
-    ("evidence-ddof", "means.var(axis=0, ddof=1)", "means.var(axis=0)", "noise is too small by 1/B"),
-    ("evidence-reference-noise", "variance = own + region_variances(truth.variance, tiles)", "variance = own",
+    ("errors-ddof", "means.var(axis=0, ddof=1)", "means.var(axis=0)", "noise is too small by 1/B"),
+    ("errors-reference-noise", "variance = own + region_variances(truth.variance, tiles)", "variance = own",
      "the reference's noise counts as a mistake"),
     ("single-image", "rest[tile.window] -= rest[tile.window].mean(axis=(0, 1))", "pass",
      "the error of a single picture counts as its noise"),
-    ("evidence-floor", "np.abs(truth.mean).mean(axis=(0, 1)) / 10",
+    ("errors-floor", "np.abs(truth.mean).mean(axis=(0, 1)) / 10",
      "np.abs(truth.mean).mean(axis=(0, 1)) / 1000", "errors of black tiles outweigh all others"),
-    ("evidence-size", "float(np.sqrt(np.mean((self.error / self.scale) ** 2)))",
+    ("errors-size", "float(np.sqrt(np.mean((self.error / self.scale) ** 2)))",
      "float(np.mean((self.error / self.scale) ** 2))", "the size of an error lacks a root"),
 ])  # fmt: skip
 
-PARTS = of("judging/parts.py", ["test_evidence.py", "test_parts.py"], [
+PARTS = of("judging/parts.py", ["test_tile_errors.py", "test_parts.py"], [
     ("certainty", "CERTAINTY = 0.99", "CERTAINTY = 0.9", "one factor in ten is not in its interval"),
     ("inexact", "INEXACT = 0.01", "INEXACT = 0.1", "a template may be a tenth off: factors are blurred"),
     ("inexact-none", "INEXACT = 0.01", "INEXACT = 0.0",
@@ -324,7 +324,7 @@ PARTS = of("judging/parts.py", ["test_evidence.py", "test_parts.py"], [
      "of equal pictures the longest name is said"),
 ])  # fmt: skip
 
-DIAGNOSIS = of("judging/diagnosis.py", ["test_evidence.py", "test_diagnosis.py"], [
+DIAGNOSIS = of("judging/diagnosis.py", ["test_tile_errors.py", "test_diagnosis.py"], [
     ("likeness", "LIKENESS = 0.1", "LIKENESS = 1.0", "everything is like everything"),
     ("likeness-none", "LIKENESS = 0.1", "LIKENESS = 0.0",
      "a mistake must be the catalogued one to the last digit"),
@@ -528,6 +528,6 @@ AGENDA = of("judging/agenda.py", ["test_agenda.py"], [
 ])  # fmt: skip
 
 CHANGES: tuple[Change, ...] = (
-    *STATISTICS, *TILES, *VERDICT, *EVIDENCE, *PARTS, *DIAGNOSIS, *CHECKS, *REFERENCES, *EXPECTED, *MAKING,
+    *STATISTICS, *TILES, *VERDICT, *TILE_ERRORS, *PARTS, *DIAGNOSIS, *CHECKS, *REFERENCES, *EXPECTED, *MAKING,
     *POINTS, *NOISE, *AGENDA,
 )  # fmt: skip

@@ -1,8 +1,9 @@
 """Do the tests of raycheck guard what they say? Small changes of its sources, each to be noticed by a test.
 
-    python scripts/mutate_harness.py                                       # all, ten minutes of one core
+    python scripts/mutate_harness.py                                 # all, ten minutes of one core
     python scripts/mutate_harness.py --jobs 2 --only NAME --only OTHER
-    python scripts/mutate_harness.py --json references/harness_mutants.json
+    python scripts/mutate_harness.py --json FILE                     # all, kept in FILE
+    python scripts/mutate_harness.py --missing --json FILE           # what FILE does not have as it is
 
 The list is harness_mutants.py. Each change is made in a copy of the sources, whose modules come before those
 of any installation, and the tests that guard it run with the copy: the change is killed if one of them fails,
@@ -79,9 +80,16 @@ def copy_of_sources() -> Iterator[Path]:
         yield folder
 
 
-def digest(changes: Sequence[Change] = CHANGES) -> str:
-    """Of the list: a result belongs to one."""
-    return hashlib.blake2b(repr(tuple(changes)).encode(), digest_size=16).hexdigest()
+def digest(change: Change) -> str:
+    """A digest of a change and its guards: what was found belongs to it."""
+    return hashlib.blake2b(repr(change).encode(), digest_size=8).hexdigest()
+
+
+def kept(file: Path) -> dict[str, Run]:
+    """What a file says of the changes that are still the same."""
+    found = json.loads(file.read_text(encoding="utf-8"))["found"] if file.is_file() else {}
+    same = {one.name for one in CHANGES if found.get(one.name, {}).get("change") == digest(one)}
+    return {name: Run(found[name]["outcome"], found[name]["by"]) for name in same}
 
 
 def changed(change: Change) -> str | None:
@@ -139,18 +147,17 @@ def run_tests(folder: Path, tests: Sequence[str]) -> Run:
     return Run(outcome, by.group(1) if by else "", seconds)
 
 
-def summary(found: Mapping[str, Run], changes: Sequence[Change], seconds: float) -> dict[str, Any]:
+def summary(found: Mapping[str, Run], changes: Sequence[Change]) -> dict[str, Any]:
     """As it is kept: what became of each change, and counts without the equivalent ones."""
     count = Counter(found[one.name].outcome for one in changes if not one.equivalent)
     return {
-        "list": digest(changes), "changes": len(changes), "not_equivalent": count.total(),
+        "changes": len(changes), "not_equivalent": count.total(),
         "killed": count[KILLED],
         "survived": [one.name for one in changes
                      if not one.equivalent and found[one.name].outcome != KILLED],
         "equivalent": {one.name: one.equivalent for one in changes if one.equivalent},
-        "seconds": round(seconds),
         "found": {one.name: {"file": one.file, "breaks": one.breaks, "outcome": found[one.name].outcome,
-                             "by": found[one.name].by} for one in changes},
+                             "by": found[one.name].by, "change": digest(one)} for one in changes},
     }  # fmt: skip
 
 
@@ -169,23 +176,25 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Changes of raycheck's sources that its tests must notice.")
     parser.add_argument("--only", metavar="NAME", action="append", help="this change; may be repeated")
     parser.add_argument("--jobs", metavar="N", type=int, default=1, help="changes tried at a time")
+    parser.add_argument("--missing", action="store_true", help="only what FILE does not have as it is")
     parser.add_argument("--json", metavar="FILE", type=Path, help="where the result goes")
     wanted = parser.parse_args()
     chosen = [one for one in CHANGES if not wanted.only or one.name in wanted.only]
     if unknown := set(wanted.only or ()) - {one.name for one in chosen}:
         parser.error(f"no change {', '.join(sorted(unknown))}")
-    started = time.perf_counter()
+    found = kept(wanted.json) if wanted.json and (wanted.missing or wanted.only) else {}
+    if wanted.missing:
+        chosen = [one for one in chosen if one.name not in found]
     with copy_of_sources() as folder:
         unchanged = run_tests(folder, sorted({test for one in chosen for test in one.guards}))
         if unchanged.outcome != SURVIVED:
             print(f"mutate_harness: without a change {unchanged.by or 'the tests'} fails", file=sys.stderr)
             return 2
-    found: dict[str, Run] = {}
     for one, run in judge_all(chosen, wanted.jobs):
         found[one.name] = run
         print(f"{run.outcome:9}{run.seconds:6.1f} s  {one.name:34}{run.by or one.equivalent}", flush=True)
-    result = summary(found, chosen, time.perf_counter() - started)
-    print(f"{result['killed']} of {result['not_equivalent']} killed in {result['seconds']} s")
+    result = summary(found, [one for one in CHANGES if one.name in found])
+    print(f"{result['killed']} of {result['not_equivalent']} killed")
     for name in result["survived"]:
         print(f"{found[name].outcome}: {name}")
     if wanted.json:

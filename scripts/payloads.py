@@ -3,7 +3,9 @@
     python scripts/payloads.py --write [--oneray PATH]
     python scripts/payloads.py --check [--oneray PATH] [--every-kernel] [--sample N] [--jobs N]
 
-Each scene is rendered small with each technique that applies to it, in both precisions. The payload of a film
+Each scene is rendered small with each technique that applies to it, in both precisions, and canonical ones in
+the precision that oneray chooses, at their other depth too: what measured results rest on, as on the scenes
+of the benchmark (raycheck.truth.provenance). The payload of a film
 is a hash of its numbers alone, so that it does not depend on how scenes, techniques and the program name
 themselves. --check lists every difference and ends with status 1 where there is one.
 """
@@ -23,15 +25,20 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+import benchmark_scenes
+
+from raycheck.base.data import PAYLOADS as FILE
+from raycheck.judging.agenda import standard_technique
 from raycheck.renderers.films import payload
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import TECHNIQUES, applicable
+from raycheck.scene.variants import ladder
 
 ROOT = Path(__file__).resolve().parent.parent
-FILE = ROOT / "tests/payloads.json"
 SAMPLES = "0:5"
 WIDTH = ("--width", "48")
 """Of the canonical scenes; those of tests/ are small already."""
+AUTO = "auto"
 PRECISIONS = ("double", "single")
 BEYOND = {
     "mis-schlick": ("--fresnel", "schlick"),
@@ -53,12 +60,15 @@ class Picture:
     technique: str
     options: tuple[str, ...]
     precision: str
+    parameters: tuple[tuple[str, str], ...] = ()
+    """Names and values that replace those of the scene's `<default>`s."""
 
     @property
     def key(self) -> str:
         """Its name in the file: "cornell-box mis-power double"."""
-        name = self.scene.relative_to(ROOT).with_suffix("").as_posix().removeprefix("scenes/")
-        return f"{name} {self.technique} {self.precision}"
+        name = self.scene.relative_to(ROOT).with_suffix("").as_posix()
+        at = "@" * bool(self.parameters) + ",".join(f"{k}={v}" for k, v in self.parameters)
+        return f"{re.sub('^(scenes|build)/', '', name)}{at} {self.technique} {self.precision}"
 
 
 @dataclass(frozen=True)
@@ -66,12 +76,13 @@ class Kernel:
     """How wide, and whether specialised for the scene where there is such an instance."""
 
     lanes: int
+    """0: as many as oneray has for the precision that it chooses."""
     specialised: bool = True
 
     @property
     def options(self) -> tuple[str, ...]:
         """As oneray takes them."""
-        return ("--lanes", str(self.lanes), "--kernel", "auto" if self.specialised else "generic")
+        return ("--lanes", str(self.lanes or "auto"), "--kernel", "auto" if self.specialised else "generic")
 
 
 def pictures() -> list[Picture]:
@@ -79,11 +90,18 @@ def pictures() -> list[Picture]:
     everything = {t.name: t.options for t in TECHNIQUES} | BEYOND
     found: list[Picture] = []
 
-    def add(scene: Path, names: Iterable[str]) -> None:
-        found.extend(Picture(scene, n, everything[n], p) for n in names for p in PRECISIONS)
+    def add(scene: Path, names: Iterable[str], precisions: Iterable[str] = PRECISIONS) -> None:
+        found.extend(Picture(scene, n, everything[n], p) for n in names for p in precisions)
 
     for scene in (ROOT / "scenes").glob("*.xml"):
-        add(scene, [*(t.name for t in applicable(read_content(scene))), *BEYOND])
+        possible = [t.name for t in applicable(read_content(scene))]
+        add(scene, [*possible, *BEYOND])
+        add(scene, possible, [AUTO])
+    for of in (of for of in ladder() if of.parameters):
+        one = standard_technique(of)
+        found.append(Picture(of.path, one.name, one.options, AUTO, tuple(sorted(of.parameters.items()))))
+    for measured in benchmark_scenes.SCENES:
+        add(measured.write(ROOT / "build/benchmark"), ["mis-default"])
     for scene in (ROOT / "scenes/stiff").glob("*.xml"):
         add(scene, [t.name for t in applicable(read_content(scene)) if t.name in STIFF])
     for scene in (ROOT / "tests/everything.xml", *(ROOT / "tests/odd").glob("*.xml")):
@@ -92,10 +110,12 @@ def pictures() -> list[Picture]:
 
 
 def kernels(oneray: Path) -> dict[str, list[int]]:
-    """The lanes of each precision that the program has and this processor runs, the widest first."""
+    """The lanes of each precision that the program has and this processor runs, the widest first; of AUTO
+    whatever it takes.
+    """
     text = subprocess.run([oneray, "--help"], check=True, capture_output=True, text=True).stdout
     [line] = [line for line in text.splitlines() if line.startswith("kernels that run here:")]
-    found: dict[str, list[int]] = {}
+    found: dict[str, list[int]] = {AUTO: [0]}
     for precision, widths in re.findall(r"(double|single) x ([\d, ]+)", line):
         found.setdefault(precision, []).extend(int(lanes) for lanes in widths.strip(" ,").split(", "))
     return {precision: sorted(lanes, reverse=True) for precision, lanes in found.items()}
@@ -108,6 +128,7 @@ def render(oneray: Path, picture: Picture, kernel: Kernel) -> str:
         film = Path(folder) / "film"
         command = [oneray, picture.scene, "--samples", SAMPLES, "--film", film, "--quiet", *size]
         command += [*picture.options, "--precision", picture.precision, *kernel.options]
+        command += [f"-D{name}={value}" for name, value in picture.parameters]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
         if done.returncode == 0 and film.is_file():
             return payload(film.read_bytes())

@@ -137,9 +137,9 @@ def test_an_honest_program_is_not_failed(tmp_path):
     grader, file = Grader.prepare(asked, Tier.NONE), tmp_path / "gradings.jsonl"
     assert [found.reasons for found in gradings.measure(file, grader, 4)] == [[]] * 4
     assert list(gradings.measure(file, grader, 4)) == []  # it goes on where it was
-    summary = gradings.summary(file, gradings.digest_of(grader))
+    summary = gradings.summary(file, asked)
     assert summary["gradings"] == 4 and summary["verdicts"] == 8 and summary["false_failures"] == 0
     assert summary["rate_below"] == pytest.approx(1 - 0.05 ** (1 / 4), rel=1e-2)
     broken = file.read_text(encoding="utf-8").replace("PASS", "FAIL", 1)
     file.write_text(broken, encoding="utf-8")
-    assert gradings.summary(file, gradings.digest_of(grader))["false_failures"] == 1
+    assert gradings.summary(file, asked)["false_failures"] == 1

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import raycheck.judging
 from raycheck.base import data
 
 ROOT = Path(__file__).resolve().parents[1] / "src/raycheck"
@@ -86,6 +89,29 @@ def test_a_command_imports_what_it_needs_alone(command: str, unwanted: tuple[str
     program = f"import sys, raycheck.cli, raycheck.commands.{command}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not set(unwanted) & set(done.stdout.split())
+
+
+def way_of_a_picture() -> list[tuple[str, str]]:
+    """(module, name) of each step that the docstring of the package judging lists."""
+    steps = re.findall(r"^ ?\d+ (\S+)\.(\w+) ", raycheck.judging.__doc__ or "", re.MULTILINE)
+    assert len(steps) == 13
+    return steps
+
+
+def test_a_picture_goes_down_from_verify_to_its_sentence() -> None:
+    """Each step is there, and is called by a step before it: one reads the list and the code side by side."""
+    above = ""
+    for module, name in way_of_a_picture():
+        assert hasattr(importlib.import_module(f"raycheck.{module}"), name), (module, name)
+        if above:
+            assert re.search(rf"\b{name}\(", above), f"no step calls {name}"
+        above += MODULES[module].read_text(encoding="utf-8").replace("run_verification(", "verify(")
+
+
+def test_every_module_of_judging_is_in_its_docstring() -> None:
+    said = raycheck.judging.__doc__ or ""
+    names = {name.removeprefix("judging.") for name in MODULES if name.startswith("judging.")}
+    assert [name for name in names if not re.search(rf"^{name} |judging\.{name}\.", said, re.MULTILINE)] == []
 
 
 def test_scenes_and_references_of_a_checkout_are_at_its_top() -> None:

@@ -9,8 +9,8 @@ import raycheck
 from raycheck.base import data
 from raycheck.calibration import part_making
 from raycheck.judging import parts, sentences
-from raycheck.judging.evidence import evidence_of_means
 from raycheck.judging.parts import Explanation, Factor, Hypothesis
+from raycheck.judging.tile_errors import errors_of_means
 from raycheck.scene import variants
 from raycheck.stats.tiles import grid, region_means, region_variances
 from raycheck.truth import references
@@ -32,11 +32,11 @@ def template(hypothesis: Hypothesis) -> np.ndarray:
 
 
 def found(truth, error, seed=1, samples=SAMPLES):
-    """Evidence of tiles that are off by `error` (T, 3), as noisy as the reference's renderer."""
+    """TileErrors of tiles that are off by `error` (T, 3), as noisy as the reference's renderer."""
     tiles = grid(*truth.shape)
     variance = region_variances(truth.sample_variance, tiles) * BATCHES / samples
     noise = np.random.default_rng(seed).standard_normal((BATCHES, *variance.shape)) * np.sqrt(variance)
-    return evidence_of_means(SCENE, region_means(truth.mean, tiles) + error + noise, truth)
+    return errors_of_means(SCENE, region_means(truth.mean, tiles) + error + noise, truth)
 
 
 @pytest.mark.parametrize("scene", variants.scene_names())

@@ -246,10 +246,10 @@ def test_nulls_and_gradings_are_the_same_by_two_processes(tmp_path: Path) -> Non
         sets, honest = tmp_path / f"{len(found)}-nulls.jsonl", tmp_path / f"{len(found)}-gradings.jsonl"
         assert len(list(nulls.measure_nulls(sets, 2, nulls.CONFIGURATIONS[3:4], pool))) == 2
         assert len(list(gradings.measure(honest, grader, 2, pool))) == 2
-        found.append((nulls.summary(sets), gradings.summary(honest, gradings.digest_of(grader))))
+        found.append((nulls.summary(sets), gradings.summary(honest, asked)))
     assert json.dumps(found[0]) == json.dumps(found[1])
     for file, summary in (
-        (sets, nulls.summary), (honest, lambda path: gradings.summary(path, gradings.digest_of(grader))),
+        (sets, nulls.summary), (honest, lambda path: gradings.summary(path, asked)),
     ):  # fmt: skip
         first, second = file.read_text(encoding="utf-8").splitlines()
         second = second.replace("PASS", "FAIL").replace('"reasons": []', '"reasons": ["x"]')

@@ -18,6 +18,7 @@ import pytest
 import raycheck
 from raycheck.base.errors import NotFound, ReferenceError_, RenderError
 from raycheck.base.images import encode_srgb, load_image, write_exr, write_pfm, write_png
+from raycheck.judging import judge_renderer
 from raycheck.judging.settings import PILOT_SPP
 from raycheck.renderers.commands import Command, split_command
 from raycheck.scene import variants
@@ -386,7 +387,7 @@ class TestRun:
         assert case.verdict is Outcome.PASS
         assert case.spp >= PILOT_SPP
 
-    def test_resumed(self, truth):
+    def test_resumed(self, truth, monkeypatch):
         """A verdict stands while renderer, settings and reference are the same, else it falls."""
         calls = []
 
@@ -399,6 +400,8 @@ class TestRun:
         assert judged(counting(truth), earlier=[first]) == first and len(calls) == 1
         assert judged(counting(1.03 * truth), earlier=[first]).verdict is Outcome.FAIL
         assert judged(counting(truth), earlier=[first], seed=1).fingerprint != first.fingerprint
+        monkeypatch.setattr(judge_renderer, "METHOD", judge_renderer.METHOD + 1)
+        assert judged(counting(truth), earlier=[first]).fingerprint != first.fingerprint
 
     def test_runs_without_oneray_and_mitsuba(self, tmp_path):
         """A student's machine: no compiler, no oneray, no Mitsuba."""

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from raycheck.base.errors import ImageError, NotFound
     from raycheck.base.images import Image, load_image
+    from raycheck.judging.cases import Case, Verification
     from raycheck.judging.compare import Comparison, compare
-    from raycheck.judging.verdicts import Case, Verification
     from raycheck.judging.verify import verify
     from raycheck.stats.verdict import Limits, Outcome
 
@@ -30,7 +30,7 @@ _PLACES = {
     "base.errors": ("ImageError", "NotFound"),
     "base.images": ("Image", "load_image"),
     "judging.compare": ("Comparison", "compare"),
-    "judging.verdicts": ("Case", "Verification"),
+    "judging.cases": ("Case", "Verification"),
     "judging.verify": ("verify",),
     "stats.verdict": ("Limits", "Outcome"),
 }

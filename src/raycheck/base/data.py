@@ -6,6 +6,10 @@ PACKAGE = Path(__file__).resolve().parents[1]
 """raycheck's modules, with their templates and schemas."""
 ROOT = PACKAGE.parents[1]
 """The top of a checkout, for what only a checkout has."""
+PAYLOADS = ROOT / "tests/payloads.json"
+"""The payloads of oneray's pictures, by scene, technique and precision."""
+MUTANT_PAYLOADS = ROOT / "tests/mutants/payloads.json"
+"""The payloads of programs with a mistake, by its name."""
 
 
 def scenes_dir() -> Path:

@@ -1,4 +1,4 @@
-"""Files that are written as a whole or not at all, and folders that one process at a time works in."""
+"""Files that are written as a whole or not at all, and folders in which one process at a time works."""
 
 import contextlib
 import tempfile

@@ -77,6 +77,6 @@ def run_process(words: Sequence[str], hide: str = "") -> None:
 
 
 def ended(name: str, status: int) -> Lost:
-    """Without a result: exit status, or minus the signal."""
+    """What to raise where a process ended without a result, with this exit status or minus the signal."""
     how = signal_name(-status) if status < 0 else f"exit status {status}"
     return Lost(f"{name} was ended by {how}")

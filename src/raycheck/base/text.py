@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -55,14 +56,13 @@ def rounded(value: object) -> object:
     return value
 
 
-def scenes_json(
-    header: Mapping[str, object], key: str, scenes: Iterable[tuple[object, Sequence[object]]]
-) -> str:
+def scenes_json(header: Mapping[str, object], key: str, scenes: Iterable[Mapping[str, Any]]) -> str:
     """A header, and scenes, each with its figures and under `key` a row a line: a new measurement is a
     readable difference. All numbers have four digits.
     """
     listed = []
-    for head, rows in scenes:
+    for scene in scenes:
+        head, rows = {k: v for k, v in scene.items() if k != key}, scene[key]
         text, *lines = (json.dumps(rounded(x), ensure_ascii=False, allow_nan=False) for x in (head, *rows))
         listed.append(f'{text[:-1]}, "{key}": [\n   ' + ",\n   ".join(lines) + "]}")
     top = json.dumps(dict(header), indent=1, ensure_ascii=False).removesuffix("\n}")

@@ -31,12 +31,12 @@ class TaskCheck:
     task: Task
     seconds: float = 0.0
     picture_seconds: float = 0.0
-    """Of the slowest picture."""
+    """Seconds of the slowest picture."""
     scene_seconds: float = 0.0
-    """Of the slowest scene."""
+    """Seconds of the slowest scene."""
     honest: list[SceneResult] = field(default_factory=list)
     mistakes: dict[str, Outcome] = field(default_factory=dict)
-    """By name; only of mistakes that change the picture."""
+    """The verdict on each mistake that changes the picture, by its name."""
     unseen: list[str] = field(default_factory=list)
     """Mistakes that change nothing in the task's scenes."""
 
@@ -51,7 +51,7 @@ class TaskCheck:
 
 
 def choose(assignment: Assignment, names: Sequence[str]) -> dict[str, list[Mutant]]:
-    """By task, the mistakes to try: of its technique and, where these are given, of those names."""
+    """The mistakes to try, by task: those of its technique of these names, where some are given."""
     if list(names) == [NONE]:
         return {task.id: [] for task in assignment.tasks}
     known = [mutant for mutant in mutants.catalogue() if mutant.equivalent is None]

@@ -11,14 +11,14 @@ from raycheck.renderers import builds
 
 @dataclass(frozen=True)
 class Checkout(builds.Build):
-    """A build, and the sources that mutants are made of."""
+    """A build, with the sources from which mutants are made."""
 
     sources: str = ""
-    """Of oneray, and how mutants are made of them here."""
+    """A name for oneray's sources and the way in which mutants are made of them here."""
 
 
 def of_checkout() -> Checkout:
-    """What calibrations depend on."""
+    """The checkout on this machine."""
     return Checkout(raycheck=builds.raycheck_hash(), sources=mutants.program_path(None).parent.parent.name)
 
 

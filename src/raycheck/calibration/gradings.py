@@ -30,7 +30,10 @@ from raycheck.renderers import workers
 from raycheck.renderers.pools import Pool
 from raycheck.scene.techniques import BEST
 from raycheck.stats.verdict import Outcome
+from raycheck.truth import provenance
 
+METHOD = 1
+"""Version of how honest programs are graded, see truth.provenance."""
 SPP = 2
 WIDE = 0.5
 CONFIDENCE = 0.95
@@ -42,13 +45,13 @@ class Grading:
 
     index: int
     verdicts: dict[str, str]
-    """By task and number of its scene."""
+    """The verdicts by "task/number of its scene"."""
     reasons: list[str]
-    """Of failures."""
+    """Why it failed where it did."""
     second_looks: int
     """Looks that failed and that a second one, with fresh seeds, did not confirm."""
     digest: str
-    """Of the program and the assignment."""
+    """Digest of the pictures, the method and what is asked: see `digest_of`."""
 
 
 def quick(assignment: Assignment) -> Assignment:
@@ -59,7 +62,7 @@ def quick(assignment: Assignment) -> Assignment:
 
 
 def grade_honest(grader: Grader, index: int, digest: str) -> Grading:
-    """Every scene of every task, with keys of their own."""
+    """Grade every scene of every task, with keys of their own."""
     secret = hashlib.sha256(f"gradings {index}".encode()).digest()
     fresh = replace(grader, keys=Keys(f"gradings {index}", secret))
     verdicts, reasons, second = {}, [], 0
@@ -75,9 +78,17 @@ def grade_honest(grader: Grader, index: int, digest: str) -> Grading:
     return Grading(index, verdicts, reasons, second, digest)
 
 
-def digest_of(grader: Grader) -> str:
-    """Of the program and of what is asked."""
-    what = (mutants.program_path(None).parent.parent.name, grader.assignment.tasks)
+def rests_on(assignment: Assignment) -> list[str]:
+    """The honest program's pictures of the tasks' scenes, of which hidden ones are variants, and what
+    they are judged by.
+    """
+    shown = [(scene, task.technique or BEST) for task in assignment.tasks for scene in task.scenes]
+    return [name for scene, how in shown for name in (f"{scene} {how} double", f"reference {scene}")]
+
+
+def digest_of(assignment: Assignment) -> str:
+    """A digest of the pictures, the method and what is asked: gradings that have it need not be repeated."""
+    what = (provenance.digest(METHOD, rests_on(assignment)), assignment.tasks)
     return hashlib.sha256(repr(what).encode()).hexdigest()[:16]
 
 
@@ -94,7 +105,7 @@ def measure(file: Path, grader: Grader, count: int, pool: Pool | None = None) ->
     """Gradings 0 … count − 1 of a `quick` assignment; those that `file` has of the same program and tasks
     are kept.
     """
-    digest, build = digest_of(grader), checkout.of_checkout()
+    digest, build = digest_of(grader.assignment), checkout.of_checkout()
     done = {line["index"] for line in read_lines(file) if line["digest"] == digest}
     assignment = assignment_bundle.pack(grader.assignment)
     pieces = [(assignment, index, digest, build) for index in sorted(set(range(count)) - done)]
@@ -104,8 +115,9 @@ def measure(file: Path, grader: Grader, count: int, pool: Pool | None = None) ->
         yield Grading(**found)
 
 
-def summary(file: Path, digest: str) -> dict[str, object]:
-    """Failures, and the upper bound of their rate: Clopper and Pearson, one-sided."""
+def summary(file: Path, assignment: Assignment) -> dict[str, object]:
+    """How many honest programs failed, and the upper bound of that rate: Clopper and Pearson, one-sided."""
+    digest = digest_of(assignment)
     lines = sorted(
         (line for line in read_lines(file) if line["digest"] == digest), key=lambda line: line["index"]
     )
@@ -113,6 +125,7 @@ def summary(file: Path, digest: str) -> dict[str, object]:
     outcomes = Counter(v for line in lines for v in line["verdicts"].values())
     verdicts = sum(outcomes.values())
     return {
+        "provenance": provenance.provenance(METHOD, rests_on(assignment)),
         "gradings": len(lines),
         "false_failures": failed,
         "rate_below": _upper(failed, len(lines)),

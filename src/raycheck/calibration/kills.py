@@ -23,8 +23,11 @@ from raycheck.judging.settings import PILOT_IMAGES
 from raycheck.renderers import workers
 from raycheck.renderers.pools import Pool
 from raycheck.stats.tiles import region_means
+from raycheck.truth import provenance
 from raycheck.truth.expected import Truth
 
+METHOD = 1
+"""Version of how mistakes are judged, see truth.provenance."""
 SPP = 8
 MIXES = tuple(4.0**-k for k in range(1, 9))
 WEAKEST, STRONGEST = 0.1, 16.0
@@ -35,7 +38,7 @@ CLASSES = ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, np.inf))
 
 @dataclass(frozen=True)
 class Kill:
-    """One mistake, at one strength."""
+    """The verdicts on one mistake at one strength."""
 
     name: str
     kind: str
@@ -45,21 +48,30 @@ class Kill:
     effect: float | None
     """Largest bias of a region over what is noticed there with 90 % probability; None without images."""
     rejected: dict[str, bool]
-    """By rule."""
+    """Whether each rule rejects it."""
     reason: str
     digest: str
-    """Of the program: what has it need not be judged again."""
+    """Digest of the pictures and the method: what has it need not be judged again."""
 
 
 def kind(mutant: Mutant) -> str:
     return "equivalent" if mutant.equivalent else "variant" if mutant.variant else "mistake"
 
 
+def rests_on(mutant: Mutant) -> list[str]:
+    """The pictures that are judged, the correct ones, and the reference."""
+    return [f"mutant {mutant.name}", f"{mutant.scene} {mutant.shows} double", f"reference {mutant.scene}"]
+
+
+def digest(mutant: Mutant) -> str:
+    return provenance.digest(METHOD, rests_on(mutant))
+
+
 def judge_mutant(mutant: Mutant, program: Path, correct: Path, truth: Truth) -> list[Kill]:
     """The mistake as it is, and weakened."""
 
     def kill(strength: float, effect: float | None, rejected: dict[str, bool], reason: str = "") -> Kill:
-        return Kill(mutant.name, kind(mutant), strength, effect, rejected, reason, program.parent.name)
+        return Kill(mutant.name, kind(mutant), strength, effect, rejected, reason, digest(mutant))
 
     trial = trials.try_program(trials.Program(program, mutant.shows), mutant.scene, truth, SPP)
     if trial.images is None or trial.pilot_images is None:
@@ -85,18 +97,20 @@ def _images(program: Path, scene: str, shows: str, requests: tuple[tuple[int, in
 
 
 def _effect(images: Array, pilot: Array, broken: Array, truth: Truth) -> float:
-    """From the same seeds, so that the noise is nearly the same and what is left is the mistake."""
+    """The largest bias over what is noticed, from images of the same seeds: their noise is nearly the same,
+    and what is left is the mistake.
+    """
     sets = trials.judge_images(images, pilot, truth, SPP)
     bias = np.abs(region_means((broken - images).mean(axis=0)[None], sets.regions)[0])
     mde = sets.detectable()
     return float(np.max(np.where(mde > 0, bias / np.where(mde > 0, mde, 1.0), np.where(bias > 0, np.inf, 0))))
 
 
-def one_mutant(name: str, digest: str, build: Checkout) -> bytes:
-    """`judge_mutant` as JSON: a piece of `measure_kills`. `digest` names the mutant's program."""
+def one_mutant(name: str, program: str, build: Checkout) -> bytes:
+    """`judge_mutant` as JSON: a piece of `measure_kills`. `program` names the mutant's program."""
     checkout.require(build)
     mutant = mutants.read(mutants.FOLDER / f"{name}.patch")
-    if mutants.program_path(mutant).parent.name != digest:
+    if mutants.program_path(mutant).parent.name != program:
         raise NotFound(f"{mutant.patch} on {platform.node()} is another patch: the same checkout is needed")
     truth = trials.load_truth(mutant.scene)
     found = judge_mutant(mutant, mutants.program(mutant), mutants.program(None), truth)
@@ -104,11 +118,14 @@ def one_mutant(name: str, digest: str, build: Checkout) -> bytes:
 
 
 def measure_kills(file: Path, wanted: Sequence[Mutant], pool: Pool | None = None) -> Iterator[list[Kill]]:
-    """What `file` has of the same program is kept, the others are added to it as they come."""
+    """What `file` has of the same pictures is kept, the others are added to it as they come."""
     done = {(line["name"], line["digest"]) for line in read_lines(file)}
     build = checkout.of_checkout()
-    programs = [(m.name, mutants.program_path(m).parent.name) for m in sorted(wanted, key=_images_of)]
-    pieces = [(*program, build) for program in programs if program not in done]
+    pieces = [
+        (mutant.name, mutants.program_path(mutant).parent.name, build)
+        for mutant in sorted(wanted, key=_images_of)
+        if (mutant.name, digest(mutant)) not in done
+    ]
     for _, data in workers.run(pool, one_mutant, pieces):
         found = json.loads(data)
         append_lines(file, found)
@@ -122,9 +139,9 @@ def _images_of(mutant: Mutant) -> tuple[str, str]:
 
 def summary(file: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
     """Kill rates by rule, as they are and by effect; the survivors; what is said of equivalents."""
-    latest = {(line["name"], line["strength"]): line for line in read_lines(file)}
-    names = {mutant.name for mutant in wanted}
-    lines = [latest[key] for key in sorted(latest) if key[0] in names]
+    current = {mutant.name: digest(mutant) for mutant in wanted}
+    lines = [line for line in read_lines(file) if line["digest"] == current.get(line["name"])]
+    lines.sort(key=lambda line: (line["name"], line["strength"]))
     whole = [line for line in lines if line["strength"] == 1]
     broken = [line for line in whole if line["kind"] != "equivalent"]
     right = [line for line in whole if line["kind"] == "equivalent"]
@@ -134,7 +151,9 @@ def summary(file: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
         these = [x for x in these if x["kind"] != "equivalent" and x["effect"] > 0]
         killed = {rule: sum(x["rejected"][rule] for x in these) for rule in rivals.NAMES}
         by_effect.append({"from": low, "to": high if high < np.inf else None, "of": len(these)} | killed)
+    rests = {picture for mutant in wanted for picture in rests_on(mutant)}
     return {
+        "provenance": provenance.provenance(METHOD, rests),
         "spp": 64 * SPP,
         "mutants": len(whole),
         "not_equivalent": len(broken),

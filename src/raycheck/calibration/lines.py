@@ -16,7 +16,7 @@ def read_lines(file: Path) -> list[dict[str, Any]]:
 
 
 def append_lines(file: Path, values: Iterable[Mapping[str, Any]]) -> None:
-    """In place of a last line that was cut off."""
+    """Add lines to a file, in place of a last one that was cut off."""
     there = file.read_bytes() if file.is_file() else b""
     if not there.endswith(b"\n") and there:
         os.truncate(file, there.rfind(b"\n") + 1)

@@ -30,22 +30,22 @@ OPTIONAL_HEADERS = ("Equivalent", "Variant")
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mistake."""
+    """A mistake, and the patch that makes it."""
 
     name: str
     patch: Path
     technique: str
-    """Of the lecture, "L10 next event estimation", or what else it belongs to: sampling, film, camera."""
+    """The lecture's, "L10 next event estimation", or what else it belongs to: sampling, film, camera."""
     mistake: str
     symptom: str
     scene: str
-    """The canonical scene that shows it…"""
+    """The canonical scene that shows it."""
     shows: str
-    """…with this technique of oneray."""
+    """The technique of oneray that shows it there."""
     equivalent: str | None = None
     """Why no mean changes."""
     variant: str | None = None
-    """The catalogued mistake that it is another form of."""
+    """The catalogued mistake of which it is another form."""
 
     @property
     def catalogued(self) -> bool:
@@ -141,7 +141,7 @@ def program_path(mutant: Mutant | None, cache: Path = ROOT / "build/mutants") ->
 
 @functools.lru_cache(maxsize=256)
 def _digest(mutant: Mutant | None) -> str:
-    """Of the sources, the patch and how they are built."""
+    """A digest of the sources, the patch and the way in which they are built."""
     if not (ROOT / "Makefile").is_file():
         raise NotFound(f"{ROOT}: there are no sources; calibration needs a checkout of them")
     digest = hashlib.sha256("\n".join(settings()).encode())

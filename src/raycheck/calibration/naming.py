@@ -17,23 +17,26 @@ from raycheck.calibration import trials
 from raycheck.calibration.mutants import Mutant
 from raycheck.calibration.signatures import COMPLETE, Pair, pairs, read_pair
 from raycheck.judging.diagnosis import USUAL, Diagnosis, catalogue, diagnose, load, scenes
-from raycheck.judging.evidence import Evidence, evidence_of_means
+from raycheck.judging.tile_errors import TileErrors, errors_of_means
+from raycheck.truth.provenance import provenance
 
+METHOD = 1
+"""Version of how mistakes are named, see truth.provenance."""
 SAME = 0.15
 """Relative difference of signatures below which two mistakes look the same."""
 
 
-def evidence(work: Path, pair: Pair) -> Evidence | None:
+def errors_of(work: Path, pair: Pair) -> TileErrors | None:
     """The broken program against the reference; None where it gives no image."""
     read = read_pair(work, pair)
     if read is None:
         return None
-    return evidence_of_means(pair.scene, read[0], trials.load_truth(pair.scene))
+    return errors_of_means(pair.scene, read[0], trials.load_truth(pair.scene))
 
 
 def summary(work: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
     """Shares, and every case that went wrong: by all complete scenes, and by the one that shows it."""
-    found = {(p.mutant.name, p.scene): evidence(work, p) for p in pairs(wanted) if p.scene in scenes()}
+    found = {(p.mutant.name, p.scene): errors_of(work, p) for p in pairs(wanted) if p.scene in scenes()}
 
     def told(mutant: Mutant, by: Sequence[str], without: Sequence[str] = ()) -> Diagnosis | None:
         seen = [one for scene in by if (one := found.get((mutant.name, scene))) is not None]
@@ -41,6 +44,7 @@ def summary(work: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
         return result if result and result.significant else None
 
     return {
+        "provenance": provenance(METHOD, {name for pair in pairs(wanted) for name in pair.rests_on}),
         "all scenes": _shares(wanted, lambda m, w=(): told(m, COMPLETE, w), lambda m: COMPLETE),
         "one image": _shares(wanted, lambda m, w=(): told(m, [m.scene], w), lambda m: [m.scene]),
     }
@@ -69,7 +73,7 @@ def _shares(
 
 
 def even(name: str) -> bool:
-    """The half of the catalogue that KNOWN was chosen by."""
+    """Whether it is in the half of the catalogue by which KNOWN was chosen."""
     return hashlib.sha256(name.encode()).digest()[0] % 2 == 0
 
 

@@ -26,8 +26,11 @@ from raycheck.scene import variants
 from raycheck.stats import statistics as st
 from raycheck.stats.tiles import Tile
 from raycheck.stats.verdict import Expected, Outcome, judge
+from raycheck.truth import provenance
 from raycheck.truth.expected import Truth
 
+METHOD = 1
+"""Version of how correct renderers are judged, see truth.provenance."""
 SPP = 4
 LEVELS = (1e-2, 1e-3)
 STRENGTHS = (0.5, 1.0, 2.0)
@@ -47,6 +50,16 @@ class Configuration:
     def label(self) -> str:
         return f"{self.scene}/{self.by}"
 
+    @property
+    def rests_on(self) -> list[str]:
+        """What is judged, and by what; Mitsuba's own pictures are renewed with its references."""
+        own = [] if self.by == "mitsuba" else [f"{self.scene} {self.by} double"]
+        return [*own, f"reference {self.scene}"]
+
+    @property
+    def digest(self) -> str:
+        return provenance.digest(METHOD, self.rests_on)
+
 
 CONFIGURATIONS = (
     Configuration("point-light", "nee", "closed form, hardly any noise"),
@@ -62,7 +75,7 @@ CONFIGURATIONS = (
 )
 
 Render = Callable[[list[int]], Array]
-"""From seeds to images (n, H, W, 3)."""
+"""A function from n seeds to images (n, H, W, 3)."""
 
 
 def oneray_render(configuration: Configuration) -> Render:
@@ -108,11 +121,11 @@ class Judged:
 
     outcome: Outcome
     p: Counter[str]
-    """From "image", "tile" or "omnibus" and a level to how many p-values were below it, and to how many there
-    were: of single sets, two-sided, without any allowance.
+    """How many p-values of "image", "tile" and "omnibus" were below each level, and how many there were:
+    those of single sets, two-sided, without any allowance.
     """
     noticed: dict[str, list[bool]]
-    """By "image", "tile", "verdict": was a bias of so many minimal detectable ones noticed?"""
+    """Whether a bias of each of STRENGTHS was noticed in "image", "tile" and "verdict"."""
 
 
 def judge_null(images: Array, pilot_images: Array, truth: Truth) -> Judged:
@@ -143,8 +156,8 @@ def _p_values(first: Array, second: Array, expected: Expected) -> Counter[str]:
 
 
 def _injected(sets: trials.Sets) -> dict[str, list[bool]]:
-    """The image brightened in the channel of the worst detectable bias by multiples of it; and so the tile
-    that nine tenths of the tiles are at least as sensitive as.
+    """Whether multiples of the worst detectable bias are noticed, added to the image in its channel, and
+    likewise to the tile than which nine tenths are no less sensitive.
     """
     noticed: dict[str, list[bool]] = {"image": [], "tile": [], "verdict": []}
     scale = np.where(sets.expected.yardstick > 0, sets.expected.yardstick, 1.0)
@@ -163,7 +176,7 @@ def _injected(sets: trials.Sets) -> dict[str, list[bool]]:
 
 
 def _notices(sets: trials.Sets, at: tuple[int, int], bias: Array) -> bool:
-    """Does the one test of this region and channel FAIL with this bias?"""
+    """Whether the one test of this region and channel FAILs with this bias."""
     noise = (sets.expected.variance, sets.expected.batches, sets.expected.batch_variance)
     one, two = (st.moments(residuals + bias, *noise) for residuals in (sets.first, sets.second))
     p = st.two_set_p(one, two, sets.expected.allowance)
@@ -177,12 +190,14 @@ class Set:
     configuration: str
     index: int
     outcomes: list[str]
-    """Of the parts."""
+    """The verdicts on the parts."""
     whole: str
     p: dict[str, int]
     noticed: dict[str, list[bool]]
-    """Of the whole image."""
+    """As in Judged, by the whole image."""
     rivals: dict[str, bool]
+    digest: str
+    """Digest of the pictures and the method: what has it need not be judged again."""
 
 
 def judge_set(configuration: Configuration, index: int, render: Render, truth: Truth) -> Set:
@@ -198,7 +213,8 @@ def judge_set(configuration: Configuration, index: int, render: Render, truth: T
         p.update({k: n for k, n in found.p.items() if k.startswith("tile")})
     judged = rivals.judge(images, SPP, truth)
     return Set(
-        configuration.label, index, outcomes, whole.outcome.value, dict(p), whole.noticed, judged
+        configuration.label, index, outcomes, whole.outcome.value, dict(p), whole.noticed, judged,
+        configuration.digest,
     )  # fmt: skip
 
 
@@ -218,8 +234,10 @@ def _ready(configuration: Configuration) -> tuple[Render, Truth]:
 def measure_nulls(
     file: Path, sets: int, configurations: Sequence[Configuration] = CONFIGURATIONS, pool: Pool | None = None
 ) -> Iterator[Set]:
-    """`sets` sets of each configuration; what `file` has is kept, new ones are added to it as they come."""
-    done = {(line["configuration"], line["index"]) for line in read_lines(file)}
+    """`sets` sets of each configuration; what `file` has of the same pictures is kept, new ones are added to
+    it as they come.
+    """
+    done = {(line["configuration"], line["index"]) for line in _current(file)}
     build = checkout.of_checkout()
     pieces = [
         (one, index, build)
@@ -233,9 +251,15 @@ def measure_nulls(
         yield Set(**found)
 
 
+def _current(file: Path) -> list[dict[str, Any]]:
+    """The lines of the file that are of the pictures and the method of today."""
+    digests = {one.label: one.digest for one in CONFIGURATIONS}
+    return [line for line in read_lines(file) if line["digest"] == digests.get(line["configuration"])]
+
+
 def summary(file: Path) -> dict[str, object]:
     """False alarms, p-values and powers of all sets in the file."""
-    sets = sorted(read_lines(file), key=lambda line: (line["configuration"], line["index"]))
+    sets = sorted(_current(file), key=lambda line: (line["configuration"], line["index"]))
     p: Counter[str] = Counter()
     for line in sets:
         p.update(line["p"])
@@ -250,12 +274,15 @@ def summary(file: Path) -> dict[str, object]:
         for family in ("image", "tile", "omnibus")
         if p[f"{family} of"]
     }  # fmt: skip
+    rests = {name for one in CONFIGURATIONS if one.label in table for name in one.rests_on}
+    origin = {"provenance": provenance.provenance(METHOD, rests)}
     power = {
         name: [round(float(np.mean([line["noticed"][name][k] for line in sets])), 4) for k in range(3)]
         for name in ("image", "tile", "verdict")
     } if sets else {}  # fmt: skip
     alarms = {rule: sum(line["rivals"][rule] for line in sets) for rule in rivals.RULES}
     return {
+        **origin,
         "verdicts": sum(len(line["outcomes"]) for line in sets),
         "false_alarms": sum(line["outcomes"].count("FAIL") for line in sets),
         "sets": len(sets),
@@ -263,5 +290,5 @@ def summary(file: Path) -> dict[str, object]:
         "rival_false_alarms": alarms,
         "configurations": table,
         "p_values": shares,
-        "power": {"strengths": list(STRENGTHS), **power},
+        "power": {**origin, "strengths": list(STRENGTHS), **power},
     }

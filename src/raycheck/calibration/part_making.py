@@ -20,6 +20,7 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
+from raycheck.judging.agenda import standard_technique
 from raycheck.judging.parts import Parts, folder, manifest
 from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import document, variants
@@ -27,8 +28,10 @@ from raycheck.scene.content import read_content
 from raycheck.scene.document import Element
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST, grid, region_means
-from raycheck.truth import references
+from raycheck.truth import provenance, references
 
+METHOD = 1
+"""Version of how templates are made, see truth.provenance."""
 FINER = 4
 SPP, SEEDS = 16, 8
 MASK_SPP = 16
@@ -64,7 +67,7 @@ def emitters(root: Element) -> list[tuple[Element, Element]]:
 
 
 def light_names(root: Element) -> list[str]:
-    """For people: "the sky" where there is one, else by the number in the file."""
+    """What people call the lights: "the sky" where there is one, else by the number in the file."""
     kinds = [emitter.get("type", "") for _, emitter in emitters(root)]
     if len(kinds) > MOST_LIGHTS:
         return ["the lights"]
@@ -78,7 +81,7 @@ def light_names(root: Element) -> list[str]:
 
 
 def surfaces(root: Element) -> list[Surface]:
-    """By the lamp that it is, its id, the comment above it, its material's id, or its kind."""
+    """The surfaces, named as the lamp, by id, the comment above, the material's id, or the kind of shape."""
     named: dict[str, list[int]] = {}
     lamp = "the lamp" if len(root.findall("./shape/emitter")) == 1 else "the lamps"
     above: list[str] = []
@@ -103,7 +106,7 @@ def surfaces(root: Element) -> list[Surface]:
 
 
 def _names_in(comment: str) -> list[str]:
-    """Of the shapes below it: "floor", "left slope, up to the ridge" or "wall: red, yellow, blue"."""
+    """The names that a comment gives to the shapes below it, such as "floor" or "wall: red, yellow, blue"."""
     first, *others = [words.strip() for words in comment.partition(":")[2 * (":" in comment)].split(",")]
     if len(first.split()) > LONGEST_NAME:
         return []
@@ -239,6 +242,7 @@ def write(scenes: Sequence[str]) -> Iterator[str]:
         listing[scene] = {
             "hash": variants.scene_hash(of.path), "lights": list(found.lights),
             "lengths": list(found.lengths), "surfaces": list(found.surfaces), "spp": SPP * SEEDS * FINER**2,
+            "provenance": provenance.provenance(METHOD, [f"{scene} {standard_technique(of).name} auto"]),
         }  # fmt: skip
         text = json.dumps(dict(sorted(listing.items())), indent=1, ensure_ascii=False) + "\n"
         write_whole(target / "manifest.json", text)

@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from raycheck.base import data
 from raycheck.base.errors import RenderError
 from raycheck.base.files import write_whole
 from raycheck.calibration import mutants
@@ -20,7 +21,7 @@ from raycheck.renderers import films
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique
 
-FILE = mutants.FOLDER / "payloads.json"
+FILE = data.MUTANT_PAYLOADS
 SAMPLES, SEED = 4, 0
 ELSEWHERE = {
     "light-choice-careless": ("hidden-light", "nee-contribution"),
@@ -35,18 +36,18 @@ def where(mutant: Mutant) -> tuple[str, str]:
 
 
 def of_mutant(mutant: Mutant) -> str:
-    """RenderError where there is no picture."""
+    """The payload of a mistake; RenderError where there is no picture."""
     return of_program(mutants.program(mutant), *where(mutant))
 
 
 @functools.lru_cache(maxsize=64)
 def of_correct(scene: str, shows: str) -> str:
-    """The program without a mistake."""
+    """The payload of the program without a mistake."""
     return of_program(mutants.program(None), scene, shows)
 
 
 def of_program(program: Path, scene: str, shows: str) -> str:
-    """Of the film's numbers and of the picture that is made of them, 16 hex digits; RenderError."""
+    """A hash of the film's numbers and of the picture that is made of them, 16 hex digits; RenderError."""
     with tempfile.TemporaryDirectory(prefix="payload-") as folder:
         film, picture = Path(folder) / "film", Path(folder) / "picture.pfm"
         words = [str(variants.scene_path(scene)), *technique(shows).options, *OPTIONS, "--quiet"]
@@ -64,7 +65,7 @@ def _run(words: list[str]) -> None:
 
 
 def kept() -> dict[str, str]:
-    """By the mutant's name."""
+    """The payloads of all mutants by name, as they are committed."""
     return json.loads(FILE.read_text(encoding="utf-8")) if FILE.is_file() else {}
 
 

@@ -75,5 +75,5 @@ NAMES = {
 
 
 def judge(images: Array, spp: int, truth: Truth) -> dict[str, bool]:
-    """By rule: does it reject?"""
+    """Whether each rule rejects the images."""
     return {name: rule(images, spp, truth) for name, rule in RULES.items()}

@@ -1,4 +1,4 @@
-"""Signature images of the catalogued mistakes, and the images that naming is measured by.
+"""Signature images of the catalogued mistakes, and the images by which naming is measured.
 
 A program with a mistake and the correct one render the same seeds; where a first picture is the same bit for
 bit, the mistake does not show in that scene, and all its pictures are the correct ones. Tile means are kept
@@ -17,15 +17,17 @@ from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
 from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
-from raycheck.calibration import mutants, payloads, trials
+from raycheck.calibration import mutants, trials
 from raycheck.calibration.mutants import Mutant
 from raycheck.judging.diagnosis import folder
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import applicable, technique
 from raycheck.stats.tiles import grid, region_means
-from raycheck.truth import references
+from raycheck.truth import provenance, references
 
+METHOD = 1
+"""Version of how signatures are measured, see truth.provenance."""
 SPP, SEEDS = 8, 8
 
 
@@ -35,6 +37,11 @@ class Pair:
 
     mutant: Mutant
     scene: str
+
+    @property
+    def rests_on(self) -> list[str]:
+        """The pictures of the mistake, and the correct ones of the same technique."""
+        return [f"mutant {self.mutant.name}", f"{self.scene} {self.mutant.shows} double"]
 
 
 COMPLETE = (
@@ -47,7 +54,7 @@ scene has one there as well.
 
 
 def scenes_of(wanted: Sequence[Mutant]) -> list[str]:
-    """The scenes that signatures are made for."""
+    """The scenes for which signatures are made."""
     return [*COMPLETE, *sorted({mutant.scene for mutant in wanted} - set(COMPLETE))]
 
 
@@ -70,22 +77,22 @@ def render_pairs(work: Path, wanted: Sequence[Mutant], only: Sequence[Mutant] = 
     for pair in pairs(wanted):
         if only and pair.mutant not in only:
             continue
-        program = mutants.program(pair.mutant)
-        path = means_file(work, pair, program)
+        path = means_file(work, pair)
         if not path.is_file():
-            _render_pair(pair, program, path, work)
+            _render_pair(pair, path, work)
             yield pair
 
 
-def means_file(work: Path, pair: Pair, program: Path) -> Path:
-    return work / f"{program.parent.name}@{pair.scene}.npz"
+def means_file(work: Path, pair: Pair) -> Path:
+    """Where the means of a pair are kept: another picture of either program has another file."""
+    return work / f"{pair.mutant.name}-{provenance.digest(METHOD, pair.rests_on)}@{pair.scene}.npz"
 
 
-def _render_pair(pair: Pair, program: Path, path: Path, work: Path) -> None:
+def _render_pair(pair: Pair, path: Path, work: Path) -> None:
     """(SEEDS, T, 3) tile means of the program, and of the correct one from the same seeds; empty where the
     mistake gives no image.
     """
-    name = pair.mutant.shows
+    program, name = mutants.program(pair.mutant), pair.mutant.shows
     # Variants are tests of naming: they have seeds of their own.
     key = f"signature/{pair.scene}/{bool(pair.mutant.variant)}"
     seeds = make_seeds(key, SEEDS)
@@ -113,9 +120,10 @@ def _tile_means(program: Path, scene: str, name: str, seeds: Sequence[int]) -> A
 
 def _correct_means(scene: str, name: str, seeds: Sequence[int], work: Path) -> tuple[Array, Array]:
     """A first picture by the correct program, and its tile means."""
-    program = mutants.program(None)
-    path = work / f"{program.parent.parent.name}-{name}-{seeds[0]}@{scene}.npz"
+    digest = provenance.digest(METHOD, [f"{scene} {name} double"])
+    path = work / f"correct-{digest}-{name}-{seeds[0]}@{scene}.npz"
     if not path.is_file():
+        program = mutants.program(None)
         first = trials.Program(program, name).images(scene, [(1, 1)])[0]
         _save(path, first=first, right=_tile_means(program, scene, name, seeds))
     with np.load(path) as arrays:
@@ -129,7 +137,7 @@ def _save(path: Path, **arrays: Any) -> None:
 
 def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
     """Tile means of the broken program and of the correct one; None if there is no image."""
-    path = means_file(work, pair, mutants.program_path(pair.mutant))
+    path = means_file(work, pair)
     if not path.is_file():
         return None
     with np.load(path) as arrays:
@@ -138,7 +146,7 @@ def read_pair(work: Path, pair: Pair) -> tuple[Array, Array] | None:
 
 
 def _shows(difference: Array) -> bool:
-    """Does the mean (of SEEDS, T, 3) differ by more than noise? That of mistakes in the seeds does not."""
+    """Whether the mean of (SEEDS, T, 3) differs by more than noise; mistakes in the seeds do not."""
     variance = difference.var(axis=0, ddof=1) / len(difference)
     varies = variance > 0
     z = difference.mean(axis=0)[varies] ** 2 / variance[varies]
@@ -173,13 +181,13 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
         scenes[scene] = {
             "hash": variants.scene_hash(variants.scene_path(scene)), "mistakes": names,
             "spp": SPP * SEEDS, "complete": scene in COMPLETE,
+            "provenance": provenance.provenance(
+                METHOD, {p for m in mistakes if m.name in names for p in Pair(m, scene).rests_on}
+            ),
         }  # fmt: skip
     listing = {
         "mistakes": {
-            m.name: {
-                "technique": m.technique, "mistake": m.mistake, "symptom": m.symptom,
-                "payload": payloads.of_mutant(m),
-            }
+            m.name: {"technique": m.technique, "mistake": m.mistake, "symptom": m.symptom}
             for m in mistakes
             if m.name in seen
         },

@@ -29,7 +29,7 @@ class Simulated(Taken):
     """A renderer as raycheck.verify takes it; a context, in which the process lives."""
 
     program: Path
-    """Of `mutants.program`: beside it is many-seeds."""
+    """A program of `mutants.program`, beside which is many-seeds."""
     technique: str
     of: Variant
     given: Limits

@@ -60,7 +60,8 @@ def _power(mde: Mapping[str, Any]) -> str:
 
 def _naming(naming: Mapping[str, Any]) -> str:
     parts = []
-    for which, told in naming.items():
+    for which in ("all scenes", "one image"):
+        told = naming[which]
         parts.append(
             f"By {which}: {told['first']} of {told['held_out']} at the first guess, {told['among_three']} "
             f"among three; {told['unknown']} of {told['orphans']} mistakes whose own signature was taken "

@@ -14,7 +14,7 @@ from raycheck.base.images import Image
 from raycheck.calibration import rivals
 from raycheck.calibration.mutants import OPTIONS
 from raycheck.judging import checks
-from raycheck.judging.plan import measure
+from raycheck.judging.plan import measure_pilot
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds
 from raycheck.judging.verify import verify
 from raycheck.renderers.renderer import Rendering
@@ -35,7 +35,7 @@ class Program:
     technique: str
 
     def images(self, scene: str, requests: Sequence[tuple[int, int]]) -> Array:
-        """(n, H, W, 3) of (spp, seed); RenderError with its words where the program gives up."""
+        """Images (n, H, W, 3) of n requests (spp, seed); RenderError in its words where it gives up."""
         file = variants.scene_path(scene)
         entry = references.require(variants.variant(scene))
         words = [str(self.path.with_name("many-seeds")), str(file), "-o", "none.exr", "--quiet",
@@ -64,7 +64,7 @@ class Sets:
     """Residuals of the regions, (32, R, 3) each."""
     found: Judgement
     fails: bool
-    """By the judgement, or by a plain check."""
+    """Whether the judgement or a plain check rejects it."""
 
     def detectable(self) -> Array:
         """(R, 3) smallest bias that FAILs with 90 % power, in the units of the image."""
@@ -83,8 +83,8 @@ class Sets:
 def judge_images(
     images: Array, pilot_images: Array, truth: Truth, spp: int, pilot_spp: int = PILOT_SPP
 ) -> Sets:
-    """64 images at `spp` samples per pixel, and 8 of a pilot."""
-    pilot = measure(pilot_images, pilot_spp, truth, {pilot_spp: 1.0})
+    """Judge 64 images at `spp` samples per pixel, and 8 of a pilot."""
+    pilot = measure_pilot(pilot_images, pilot_spp, truth, {pilot_spp: 1.0})
     regions = truth.regions(spp, pilot.skewness)
     expected = truth.expected(regions, spp / max(pilot.noise, 1.0))
     residuals = region_means(images, regions) - expected.mean
@@ -99,10 +99,10 @@ def judge_images(
 
 @dataclass
 class Ready:
-    """A renderer whose images are there before they are asked for."""
+    """A renderer whose images are all rendered beforehand."""
 
     images: dict[tuple[int, int], Array]
-    """By (spp, seed)."""
+    """(H, W, 3) by (spp, seed)."""
     takes_scene: bool = True
     takes_spp: bool = True
     takes_seed: bool = True
@@ -113,12 +113,12 @@ class Ready:
 
 @dataclass(frozen=True)
 class Trial:
-    """What came out."""
+    """What the rules say of one renderer on one scene."""
 
     reason: str
     """raycheck's, or why there is no image."""
     rejected: dict[str, bool]
-    """By rule, raycheck's among them; empty where no image could be had."""
+    """Whether each rule, raycheck's among them, rejects it; empty where no image could be had."""
     pilot_images: Array | None
     """(8, H, W, 3) at PILOT_SPP"""
     images: Array | None

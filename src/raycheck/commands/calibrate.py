@@ -26,6 +26,8 @@ app = typer.Typer(
 )
 
 WORK = data.ROOT / "build/calibration"
+LINES = data.references_dir() / "calibration"
+"""Verdicts one by one, committed: a run judges what they do not have of today's pictures."""
 Names = Annotated[list[str] | None, typer.Argument(metavar="[MUTANT]...", help="All by default.")]
 Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", help="Names; all by default.")]
 Folder = Annotated[
@@ -47,7 +49,7 @@ def run_nulls(
     sets: Annotated[
         int, typer.Option(min=1, help="Of images, for each configuration; 8 verdicts each.")
     ] = 40,
-    work: Folder = WORK,
+    work: Folder = LINES,
     jobs: Jobs = None,
     dask: Cluster = None,
     json_file: Result = None,
@@ -66,7 +68,7 @@ def run_nulls(
 
 
 @app.command()
-def mde(work: Folder = WORK, json_file: Result = None) -> None:
+def mde(work: Folder = LINES, json_file: Result = None) -> None:
     """The printed detectable bias, injected at 0.5, 1 and 2 times into the images of `nulls`."""
     from raycheck.calibration import nulls
     from raycheck.calibration.lines import read_lines
@@ -81,7 +83,7 @@ def mde(work: Folder = WORK, json_file: Result = None) -> None:
 @app.command(name="mutants")
 def run_mutants(
     names: Names = None,
-    work: Folder = WORK,
+    work: Folder = LINES,
     jobs: Jobs = None,
     dask: Cluster = None,
     json_file: Result = None,
@@ -133,7 +135,7 @@ def run_naming(work: Folder = WORK, json_file: Result = None) -> None:
 def run_gradings(
     assignment: Annotated[Path, typer.Option(metavar="FILE.toml", help="Whose tasks are graded.")],
     count: Annotated[int, typer.Option(min=1, help="Of an honest program, with fresh keys each.")] = 500,
-    work: Folder = WORK,
+    work: Folder = LINES,
     jobs: Jobs = None,
     dask: Cluster = None,
     json_file: Result = None,
@@ -149,7 +151,7 @@ def run_gradings(
         grader, file = Grader.prepare(asked, Tier.NONE), _ready(work) / "gradings.jsonl"
         for found in gradings.measure(file, grader, count, _pool(jobs, dask)):
             typer.echo(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
-        _put("gradings", gradings.summary(file, gradings.digest_of(grader)), json_file)
+        _put("gradings", gradings.summary(file, asked), json_file)
 
 
 def _pool(jobs: int | None, dask: str | None) -> pools.Pool | None:

@@ -8,7 +8,7 @@ import typer
 from raycheck.base.errors import NotFound
 from raycheck.commands.options import RendererCommand
 from raycheck.commands.support import make_console, plain_errors
-from raycheck.judging.findings import of_files, of_renderer, report, write_map
+from raycheck.judging.inspection import of_files, of_renderer, report, write_map
 
 
 def diagnose(

@@ -23,7 +23,7 @@ from raycheck.renderers import pools
 STUDENT_SPEED = 3e5
 """Paths a second: what tests/submissions/honest traces of cornell-box, its slowest scene, on one core."""
 PLATFORM_SECONDS = 600.0
-"""Gradescope's, by default."""
+"""How long Gradescope lets a submission take by default."""
 
 Submitted = Annotated[
     Path | None, typer.Argument(metavar="[SUBMISSION]", help="A folder or an archive (zip, tar).")

@@ -1,4 +1,4 @@
-"""raycheck handout: what students start from."""
+"""raycheck handout: the files with which students start."""
 
 from pathlib import Path
 from typing import Annotated

@@ -21,7 +21,7 @@ def make_console() -> Console:
 
 
 def make_table(columns: Iterable[str], right: Iterable[str] = (), wrap: bool = True) -> Table:
-    """Without lines; numbers stand to the right."""
+    """A table without lines; columns of `right`, which hold numbers, stand to the right."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in columns:
         table.add_column(name, justify="right" if name in right else "left", no_wrap=not wrap)

@@ -1,4 +1,4 @@
-"""raycheck variants: the scenes that students hand in pictures of."""
+"""raycheck variants: the scenes of which students hand in pictures."""
 
 from pathlib import Path
 from typing import Annotated

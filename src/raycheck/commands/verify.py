@@ -19,8 +19,8 @@ from raycheck.commands.support import (
     writable,
 )
 from raycheck.judging import sentences
+from raycheck.judging.cases import Case, Verification
 from raycheck.judging.junit import junit_xml
-from raycheck.judging.verdicts import Case, Verification
 from raycheck.judging.verify import verify as run_verification
 from raycheck.stats.verdict import Limits, Outcome
 

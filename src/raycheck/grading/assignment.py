@@ -25,7 +25,7 @@ class Task:
     scenes: tuple[str, ...]
     """Names, labels, or files beside the assignment."""
     points: float
-    """For pictures without bias, shared by the scenes."""
+    """Points for pictures without bias, shared by the scenes."""
     title: str = ""
     lecture: str = ""
     """Id of the lecture's technique."""
@@ -38,15 +38,15 @@ class Task:
     technique: str = ""
     """oneray's technique that is asked for: the noise is compared with it, and the handout renders by it."""
     noise_points: float = 0.0
-    """For noise no worse than that technique's."""
+    """Points for noise that is no worse than that technique's."""
     noise_limit: float = 2.0
     """Variance of a sample, over oneray's, up to which the noise points are earned."""
     speed_points: float = math.nan
-    """For speed beside oneray's technique in the same jail; 0 shows it only, NaN does not measure it."""
+    """Points for speed beside oneray's technique in the same jail; 0 only shows it, NaN measures none."""
     speed_limit: float = 20.0
     """Times oneray's seconds up to which the speed points are earned."""
     functions: tuple[str, ...] = ()
-    """Of oneray: those that the task needs and that the handout leaves to the student."""
+    """Functions of oneray that the task needs and that the handout leaves to the student."""
     accepts: str = PROGRAM
     """PROGRAM, or PICTURES: then a student may hand in pictures of a variant of the scene instead."""
     variants: int = 4

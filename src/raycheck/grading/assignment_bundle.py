@@ -17,7 +17,7 @@ ASSIGNMENT = "assignment.toml"
 
 
 def copy_assignment(assignment: Assignment, folder: Path) -> None:
-    """Into `folder`, the file under the name ASSIGNMENT."""
+    """Copy the assignment into `folder`, its file under the name ASSIGNMENT."""
     shutil.copy(assignment.path, folder / ASSIGNMENT)
     shutil.copytree(private_folder(assignment.path), private_folder(folder / ASSIGNMENT), dirs_exist_ok=True)
     for task in assignment.tasks:
@@ -35,7 +35,7 @@ def copy_assignment(assignment: Assignment, folder: Path) -> None:
 
 
 def pack(assignment: Assignment) -> bytes:
-    """A zip of it."""
+    """The assignment as a zip."""
     whole = io.BytesIO()
     with tempfile.TemporaryDirectory(prefix="raycheck-") as place:
         copy_assignment(assignment, Path(place))
@@ -45,13 +45,13 @@ def pack(assignment: Assignment) -> bytes:
 
 
 def write_all(archive: zipfile.ZipFile, folder: Path) -> None:
-    """The files below a folder, by their names there."""
+    """Write files below a folder, by their names there."""
     for file in sorted(p for p in folder.rglob("*") if p.is_file()):
         archive.write(file, file.relative_to(folder))
 
 
 def unpack(data: bytes, folder: Path) -> Path:
-    """The assignment's file, in a folder that holds its secret from then on."""
+    """Unpack a zip of `pack` and return the assignment's file; the folder holds its secret from then on."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         archive.extractall(folder)
     return folder / ASSIGNMENT

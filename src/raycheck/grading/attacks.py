@@ -65,7 +65,7 @@ class Attack:
 
 @dataclass(frozen=True)
 class Survived:
-    """What came of an attack."""
+    """What became of an attack."""
 
     name: str
     reason: str
@@ -74,7 +74,7 @@ class Survived:
 
 
 def read_attacks(folder: Path = FOLDER) -> list[Attack]:
-    """NotFound outside a checkout."""
+    """The attacks in tests/attacks; NotFound outside a checkout."""
     path = folder / "attacks.toml"
     if not path.is_file():
         raise NotFound(f"{path} is missing: the attacks need a checkout of the sources")

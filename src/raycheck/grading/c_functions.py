@@ -24,7 +24,7 @@ class Function:
     begin: int
     end: int
     line: int
-    """Of the name, from 1."""
+    """The line of the name, from 1."""
 
 
 def functions(path: Path, text: str) -> list[Function]:

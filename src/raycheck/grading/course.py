@@ -89,7 +89,7 @@ def folder_name(student: str) -> str:
 
 @dataclass(frozen=True)
 class _Pieces(Sequence[Any]):
-    """The arguments of `one_submission.grade` for each submission, made when they are asked for."""
+    """The arguments of `one_submission.grade` for each submission, made one at a time."""
 
     grader: Grader
     entries: Sequence[Entry]

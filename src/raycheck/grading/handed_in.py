@@ -13,8 +13,8 @@ from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
 from raycheck.grading.hidden import look_at, with_reference
 from raycheck.grading.jail.pixels import Decoder
-from raycheck.judging.pictures import judge_pictures
-from raycheck.judging.verdicts import Case
+from raycheck.judging.cases import Case
+from raycheck.judging.judge_images import judge_pictures
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import SMALLEST, tile_means
 from raycheck.stats.verdict import Limits, Outcome

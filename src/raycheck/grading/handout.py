@@ -76,7 +76,7 @@ def _leave_out(sources: Path, name: str, tasks: Sequence[str]) -> Function:
 
 
 def _including(text: str, header: str) -> str:
-    """With `header` among what is included."""
+    """The source with `header` among what is included."""
     line = f'#include "{header}"'
     if line in text:
         return text

@@ -128,7 +128,7 @@ def vary(of: Variant, purpose: str, keys: Keys) -> str:
 
 
 def _turned(vector: Array, axis: Array, angle: float) -> Array:
-    """Rodrigues' formula."""
+    """The vector turned about an axis, by Rodrigues' formula."""
     k = axis / np.linalg.norm(axis)
     return (
         vector * math.cos(angle)

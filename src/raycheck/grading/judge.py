@@ -31,9 +31,9 @@ from raycheck.grading.program import OVER, Program, Tried, build, write_scene
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.judging import checks
-from raycheck.judging.pictures import judge_pictures
+from raycheck.judging.cases import Case
+from raycheck.judging.judge_images import judge_pictures
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES
-from raycheck.judging.verdicts import Case
 from raycheck.judging.verify import verify
 from raycheck.renderers import builds
 from raycheck.scene import lecture
@@ -72,11 +72,11 @@ class Grader:
     assignment: Assignment
     keys: Keys
     scenes: dict[str, list[tuple[Variant, str, Variant | None]]]
-    """By task: what is rendered, what it is called, and, of a hidden variant, the scene that it varies."""
+    """Scenes by task: what is rendered, its name, and the scene that it varies if it is a hidden variant."""
     tier: Tier | None
     """None: the strongest that works where it is graded."""
     seconds: float = math.inf
-    """For the whole of one submission."""
+    """How long the whole of one submission may take."""
 
     @classmethod
     def prepare(cls, assignment: Assignment, tier: Tier | None) -> "Grader":
@@ -137,7 +137,7 @@ class Grader:
         return result
 
     def _pictures(self, task: Task, attempt: "Attempt") -> TaskResult:
-        """Points for pictures that were handed in."""
+        """Judge pictures that were handed in."""
         started = time.perf_counter()
         student, files = attempt.student, attempt.submission.pictures(task.id)
         of = self.assignment.scene(task.scenes[0])
@@ -325,7 +325,7 @@ def _doubt(scenes: Sequence[SceneResult]) -> None:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A submission that was built, and what it is tried in."""
+    """A submission that was built, with the places where it is tried."""
 
     student: str
     submission: Submission
@@ -337,14 +337,14 @@ class Attempt:
 
 
 def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:
-    """Make references of the variants that these students hand in pictures of."""
+    """Make references of the variants of which these students hand in pictures."""
     of, pool = assignment.scene(task.scenes[0]), picture_pool(assignment, keys, task)
     for index in sorted({pool_index(of, student, task.variants, keys) for student in students}):
         with_reference(pool[index], assignment.delta)
 
 
 def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant]:
-    """The variants of which each student gets one to hand in pictures of."""
+    """The variants, of which each student hands in pictures of one."""
     folder, of = private_folder(assignment.path) / "pool", assignment.scene(task.scenes[0])
     return [pool_variant(of, index, keys, folder) for index in range(task.variants)]
 

@@ -22,7 +22,7 @@ IMAGES = 32
 GROUPS = 8
 KEPT = "noise.json"
 SURE = 3.0
-"""Standard errors of the interval."""
+"""Half the width of the interval in standard errors."""
 
 
 @dataclass(frozen=True)

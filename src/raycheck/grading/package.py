@@ -1,4 +1,4 @@
-"""A packaged autograder: the zip that Gradescope builds its image from.
+"""A packaged autograder: the zip from which Gradescope builds its image.
 
 https://gradescope-autograders.readthedocs.io/en/latest/specs/: its root has setup.sh, which installs, and
 run_autograder, which grades. Besides them raycheck itself, oneray with its libraries, the assignment with its

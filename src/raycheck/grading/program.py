@@ -46,7 +46,7 @@ class Taken:
     """The pictures of a program that were taken, and the time that they took."""
 
     pictures: dict[int, list[Array]] = field(default_factory=dict, kw_only=True)
-    """By samples per pixel."""
+    """The pictures taken so far, by samples per pixel."""
     times: dict[int, float] = field(default_factory=dict, kw_only=True)
     """Seconds that they took together, by samples per pixel."""
     lost: float = field(default=0.0, kw_only=True)
@@ -55,7 +55,7 @@ class Taken:
 
     @property
     def limits(self) -> Limits:
-        """The assignment's."""
+        """The limits of the assignment."""
         raise NotImplementedError
 
     @property

@@ -9,7 +9,7 @@ from raycheck.grading.assignment import Assignment
 from raycheck.stats.verdict import Outcome
 
 NOT_EXECUTED = "not executed"
-"""What every page and file says of pictures that were handed in."""
+"""The notice on every page and in every file about pictures that were handed in."""
 UNTOLD = "nothing more is told of a hidden scene"
 
 
@@ -58,19 +58,19 @@ class TaskResult:
     lecture: str
     verdict: Outcome
     points: float
-    """Earned for sure."""
+    """Points that are earned for sure."""
     pending: float
-    """Waiting for a manual review."""
+    """Points that wait for a manual review."""
     most: float
     scenes: list[SceneResult]
     noise_points: float = 0.0
-    """Of `points`."""
+    """The share of `points` that is for noise."""
     speed_points: float = 0.0
-    """Of `points`; another run may earn others."""
+    """The share of `points` that is for speed; another run may earn others."""
     hint: str = ""
     comment: str = ""
     executed: bool = True
-    """False: nothing was run, pictures were handed in."""
+    """Whether a program was run; if not, pictures were handed in."""
 
 
 @dataclass
@@ -80,9 +80,9 @@ class StudentResult:
     tasks: list[TaskResult]
     sandbox: str
     digest: str = ""
-    """Of the submission."""
+    """A digest of the submission."""
     state: str = ""
-    """Of the submission and of all that it was graded by."""
+    """A digest of the submission and of all that decides its grade."""
     problem: str = ""
     """Why nothing could be graded."""
     seconds: float = 0.0

@@ -19,7 +19,7 @@ from raycheck.scene.techniques import technique
 
 PAIRS = 8
 SURE = 0.99
-"""Of the interval."""
+"""Confidence of the interval."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Speed:
     low: float
     high: float
     seconds: float
-    """The median picture's."""
+    """Seconds of the median picture."""
     technique: str
 
 

@@ -37,7 +37,7 @@ class SubmissionError(Exception):
 
 @dataclass(frozen=True)
 class Submission:
-    """Unpacked."""
+    """A submission that was unpacked."""
 
     folder: Path
     build: str | None = None
@@ -100,7 +100,7 @@ def _tar(folder: Path) -> bytes:
 
 
 def may_have_pictures(path: Path, task: str) -> bool:
-    """Whether it may, by the names of its files; it may where only unpacking would tell them."""
+    """Whether it may hold pictures, by the names of its files; also where only unpacking would tell."""
     inside = f"{PICTURES}/{task}/"
     try:
         if path.is_dir():

@@ -2,24 +2,27 @@
 
 In come a renderer, or pictures that are already there, and scenes with their truth. Out come a case for each
 scene and technique, PASS, FAIL or INCONCLUSIVE with one sentence and its figures; for a wrong image the parts
-of the light that are off, and the mistakes of the catalogue that look like it. A verdict flows down this
-list:
+of the light that are off, and the mistakes of the catalogue that look like it. Calls go down this list, the
+way of a picture from `raycheck verify` to its sentence:
 
-verify     the public function: takes a run apart into cases and keeps to its budget
-agenda     which cases: a scene, a technique, a renderer; what is left out and why
-settings   numbers of images, budgets, wishes
-renders    one case: a probe, a pilot, two sets of images
-pictures   one case of pictures that are already rendered, even a single one
-plan       how many samples a verdict needs, from the pilot's noise and time
-checks     mistakes of convention, named before any statistics: sizes, NaN, seeds, upside down, gamma,
-           clamping
-telling    a judgement as the figures and the sentence of a case
-evidence   the error of an image in tiles, with its noise
-diagnosis  known mistakes, by their signatures, that explain the evidence
-parts      lights, path lengths and surfaces whose factor explains it
-findings   all that can be said of images that nobody has judged: raycheck diagnose
-sentences  where, how much, how sure, and what would decide, in words
-verdicts   the cases of a run, in memory and in a file
-compare    two images by the standard errors that they carry
-junit      verdicts as XML for continuous integration
+ 1 commands.verify.verify             reads the command line, and shows the table at the end
+ 2 judging.verify.verify              makes the cases of a run one after the other within its budget
+ 3 judging.agenda.oneray_agenda       says which cases: scene, technique, renderer; what is left out and why
+ 4 judging.judge_renderer.judge_task  renders one case: a probe, a pilot, two sets of images
+ 5 judging.checks.name_mistake        names mistakes of convention before any statistics: upside down, gamma
+ 6 judging.plan.plan                  says how many samples a verdict needs, by the pilot's noise and time
+ 7 stats.verdict.judge                decides by the means of image and tiles, in both sets
+ 8 judging.conclusion.conclude        makes the judgement a sentence and figures; a FAIL is explained by
+ 9 judging.tile_errors.tile_errors    the error in 8×8 tiles with its noise, which two fits take:
+10 judging.diagnosis.likely           known mistakes, by their signatures
+11 judging.parts.explain              lights, path lengths and surfaces that have another factor
+12 judging.sentences.reason           says where, how much, how sure, and what would decide
+13 judging.cases.Case                 is the verdict, in memory and in a file
+
+Beside this way lie
+settings      numbers of images, budgets, wishes
+judge_images  verdicts on pictures that are already rendered, even a single one
+inspection    raycheck diagnose: all that can be said of images that nobody has judged
+compare       two images by the standard errors that they carry
+junit         verdicts as XML for continuous integration
 """

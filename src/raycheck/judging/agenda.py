@@ -62,7 +62,7 @@ class Agenda:
 
     tasks: list[Task] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
-    """From "scene, technique" to why it is not judged where it would apply."""
+    """Why a case, "scene, technique", is not judged where the technique would apply."""
 
 
 def oneray_agenda(
@@ -146,7 +146,7 @@ def standard_technique(of: Variant) -> Technique:
 
 
 def _cover(pairs: list[tuple[Variant, Technique]]) -> list[tuple[Variant, Technique]]:
-    """Each technique on `COVER` scenes, those with the fewest cases so far, and each scene at least once."""
+    """Choose each technique on `COVER` scenes, those with the fewest cases, and each scene at least once."""
     by_technique: dict[str, list[Variant]] = {}
     for of, one in pairs:
         by_technique.setdefault(one.name, []).append(of)

@@ -45,7 +45,7 @@ def size_problem(image: Image, height: int, width: int) -> str | None:
 
 
 def number_problem(image: Image) -> str | None:
-    """NaN and Inf: counted, located, never dropped."""
+    """Counts NaN and Inf and locates the first: they are never dropped."""
     bad = ~np.isfinite(image.pixels)
     if not bad.any():
         return None

@@ -23,7 +23,7 @@ them.
 
 @dataclass(frozen=True)
 class Comparison:
-    """B against A; figures relative to A."""
+    """How B differs from A; figures are relative to A."""
 
     first: str
     second: str

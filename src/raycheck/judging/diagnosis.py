@@ -3,7 +3,7 @@
 A signature is what a mistake adds to the image of a correct renderer, as means of 8×8 tiles: measured once
 with the patched program and the correct one from the same seeds (`raycheck calibrate signatures`), so that
 their noise cancels. `references/signatures/SCENE.npz` holds those of a scene, `manifest.json` what each
-mistake is, the hashes of the scenes that they belong to and the payloads of the mistakes.
+mistake is, the hashes of the scenes that they belong to and what pictures they rest on.
 
 With D the error of the image, S a signature, a its strength and σ the noise of both,
     χ²(a) = Σ (D - a S)² / (σ² + (τ D)² + (τ a S)²),
@@ -26,13 +26,13 @@ from raycheck.base import data
 from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.judging import parts
-from raycheck.judging.evidence import RELATIVE_FLOOR, Evidence
+from raycheck.judging.tile_errors import RELATIVE_FLOOR, TileErrors
 from raycheck.scene import variants
 
 LIKENESS = 0.1
-"""τ"""
+"""τ, how unlike the catalogued one a mistake may be, as a share of signature and error."""
 STRENGTH = 0.1
-"""ω"""
+"""ω, what another strength than the catalogued one costs the fit."""
 STRENGTHS = np.exp(np.linspace(np.log(0.2), np.log(3.0), 55))
 KNOWN = 0.93
 """Fit from which a mistake counts as explained: chosen by half of the catalogue (calibration/naming.py)."""
@@ -63,11 +63,11 @@ class Signatures:
 
 @dataclass(frozen=True)
 class Guess:
-    """A mistake and how well it explains the evidence."""
+    """A mistake and how well it explains the error."""
 
     mistake: Mistake
     fit: float
-    """0…1"""
+    """The share of the error that it explains, 0 … 1."""
     strength: float
 
 
@@ -86,7 +86,7 @@ class Diagnosis:
     """
 
 
-def diagnose(found: Sequence[Evidence], without: Sequence[str] = ()) -> Diagnosis:
+def diagnose(found: Sequence[TileErrors], without: Sequence[str] = ()) -> Diagnosis:
     """The likeliest mistakes over all scenes together; `without` are left out of the catalogue."""
     mistakes = {name: m for name, m in catalogue().items() if name not in without}
     if any(one.scene not in complete_scenes() for one in found):
@@ -125,7 +125,7 @@ USUAL = 0.15
 """Logarithm of the strength within which a mistake counts as that mistake itself."""
 
 
-def likely(found: Evidence) -> tuple[list[Mistake], parts.Explanation | None]:
+def likely(found: TileErrors) -> tuple[list[Mistake], parts.Explanation | None]:
     """The mistakes that the images of one scene look like, all of them alike there, and the parts of the
     light that are wrong; none if that is not clear, or nothing is known of the scene.
     """
@@ -146,7 +146,7 @@ def _usual(guess: Guess) -> bool:
     return bool(abs(np.log(guess.strength)) < USUAL)
 
 
-def _differs(one: Evidence) -> bool:
+def _differs(one: TileErrors) -> bool:
     """Whether a scene differs, as a whole or in any tile by far."""
     square = one.error**2 / (one.variance + RELATIVE_FLOOR * one.scale**2)
     n = one.error.size
@@ -154,7 +154,7 @@ def _differs(one: Evidence) -> bool:
     return bool(whole or np.any(np.abs(one.error) > 6 * np.sqrt(one.variance) + 0.005 * one.scale))
 
 
-def _chi_squared(one: Evidence, names: Sequence[str], strengths: Array) -> tuple[Array, Array]:
+def _chi_squared(one: TileErrors, names: Sequence[str], strengths: Array) -> tuple[Array, Array]:
     """(M, A) χ² for each mistake and strength, and the logarithm of the variances, by which a noisy signature
     is no better; a mistake without a signature adds nothing to this scene.
     """

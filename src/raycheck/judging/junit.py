@@ -2,7 +2,7 @@
 
 from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
-from raycheck.judging.verdicts import Case, Verification
+from raycheck.judging.cases import Case, Verification
 from raycheck.stats.verdict import Outcome
 
 

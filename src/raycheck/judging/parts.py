@@ -25,7 +25,7 @@ from scipy import special
 
 from raycheck.base import data
 from raycheck.base.arrays import Array
-from raycheck.judging.evidence import Evidence
+from raycheck.judging.tile_errors import TileErrors
 from raycheck.scene import variants
 
 CERTAINTY = 0.99
@@ -82,7 +82,7 @@ class Hypothesis:
 
     @property
     def says(self) -> int:
-        """Number of things."""
+        """How many of light, length and surface it names."""
         return sum(map(bool, (self.light, self.length, self.surface)))
 
 
@@ -95,7 +95,7 @@ class Factor:
     """−1 where it is missing, 1 where there is twice as much."""
     low: float
     high: float
-    """99 % interval."""
+    """The end of its 99 % interval, from `low`."""
 
 
 @dataclass(frozen=True)
@@ -152,12 +152,12 @@ def hypotheses(of: Parts) -> Iterator[tuple[Hypothesis, Array, Array]]:
 class _Fit:
     parts: Sequence[Hypothesis]
     factors: Array
-    """(k,) c of each"""
+    """(k,) the estimate c of each part."""
     deviations: Array
-    """(k,)"""
+    """(k,) their standard errors."""
     chi: float
     explained: Array
-    """(T, 3) sum of c T"""
+    """(T, 3) the sum of c T over the parts."""
     freedom: int
 
     @property
@@ -179,7 +179,7 @@ class _Fit:
         return bool(np.abs(self.explained - other.explained).max() < ALIKE * size)
 
 
-def _fit(parts: Sequence[tuple[Hypothesis, Array, Array]], found: Evidence, noise: Array) -> _Fit:
+def _fit(parts: Sequence[tuple[Hypothesis, Array, Array]], found: TileErrors, noise: Array) -> _Fit:
     """V depends on c; three rounds are enough as it does so little."""
     images = np.stack([image for _, image, _ in parts])
     inexact = np.stack([variance + (INEXACT * image) ** 2 for _, image, variance in parts])
@@ -199,7 +199,7 @@ def _fit(parts: Sequence[tuple[Hypothesis, Array, Array]], found: Evidence, nois
     return _Fit(names, factors, deviations, chi, explained, found.error.size - len(parts))
 
 
-def explain(found: Evidence) -> Explanation | None:
+def explain(found: TileErrors) -> Explanation | None:
     """The part of the light whose factor alone explains the error, or else the lights, or the path lengths,
     with a factor each; None if there is none, or if too many would.
     """

@@ -45,7 +45,7 @@ class Pilot:
         return self.start_seconds + self.sample_seconds * spp
 
 
-def measure(images: Array, spp: int | None, truth: Truth, times: Mapping[int, float]) -> Pilot:
+def measure_pilot(images: Array, spp: int | None, truth: Truth, times: Mapping[int, float]) -> Pilot:
     """The pilot of images (B ≥ 3, H, W, 3) at `spp` samples, and seconds by samples per pixel.
 
     Where `spp` is not known, an image counts as one sample.

@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from raycheck.base.seeds import make_seeds
+from raycheck.judging.cases import Case
 from raycheck.judging.plan import Goals
-from raycheck.judging.verdicts import Case
 from raycheck.stats.verdict import Limits
 from raycheck.truth.expected import Truth
 
@@ -34,7 +34,7 @@ class Settings:
     thorough: bool = False
     seed: int = 0
     look: int = 0
-    """The second takes seeds of its own."""
+    """0, or 1 for a second look, which takes seeds of its own."""
     spp: int | None = None
     jobs: int = 2
     timeout: float = 60.0
@@ -61,5 +61,5 @@ class Settings:
 
 
 def case_seeds(label: str, name: str, seed: int, taken: Collection[int] = ()) -> list[int]:
-    """The seeds of a case: one, the pilot's, the judged sets', and those that time is measured by."""
+    """The seeds of a case: one, the pilot's, the judged sets', and those of renders that measure time."""
     return make_seeds(f"{label}/{name}/{seed}", 1 + PILOT_IMAGES + 2 * BATCHES + TIMING_SEEDS, taken)

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from raycheck.base.errors import NotFound
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda
-from raycheck.judging.pictures import image_paths, judge_files
-from raycheck.judging.renders import judge_task
+from raycheck.judging.cases import Case, Verification
+from raycheck.judging.judge_images import image_paths, judge_files
+from raycheck.judging.judge_renderer import judge_task
 from raycheck.judging.settings import QUICK_CASE_SECONDS, QUICK_SECONDS, THOROUGH_SECONDS, Settings
-from raycheck.judging.verdicts import Case, Verification
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import variants
 from raycheck.stats.verdict import Limits, Outcome
@@ -102,7 +102,7 @@ def _judge_all(
     agenda: Agenda, settings: Settings, budget: float, started: float,
     on_case: Callable[[Case, int], None] | None,
 ) -> list[Case]:  # fmt: skip
-    """All verdicts, a quick run's within the budget in seconds."""
+    """Judge all cases, those of a quick run within the budget in seconds."""
     cases: list[Case] = []
     truths: dict[str, Truth] = {}
     taken: dict[str, range] = {}

@@ -40,9 +40,9 @@ class Shot:
     """A picture and what it took."""
 
     image: Array
-    """(H, W, 3)"""
+    """(H, W, 3) linear radiance."""
     seconds: float
-    """Process time."""
+    """Process time that it took."""
 
 
 class Contestant(Protocol):
@@ -87,7 +87,7 @@ class Process:
         return Shot(made.image.pixels, max(_spent() - before, 1e-6))
 
     def close(self) -> None:
-        """Nothing stays open."""
+        """Ends nothing: each picture has a process of its own."""
 
 
 def _spent() -> float:

@@ -16,7 +16,7 @@ import json
 import statistics
 import subprocess
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,10 @@ from raycheck.scene import variants
 from raycheck.scene.techniques import BASELINE, FALLBACK
 from raycheck.scene.variants import Variant
 from raycheck.stats.spread import Spread
+from raycheck.truth.provenance import Provenance, provenance
 
+METHOD = 1
+"""Version of how prices are measured, see truth.provenance."""
 LEAST_ROUNDS = 3
 PILOT_SPP = 8
 LEAST_SPP, MOST_SPP = 8, 16384
@@ -45,14 +48,14 @@ NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class Measurement:
-    """One render."""
+    """What one render costs."""
 
     variance: Array
     """(H, W) of one sample of each pixel, the mean over the channels."""
     seconds: float
-    """For one sample of every pixel."""
+    """Seconds of one sample of every pixel."""
     build_seconds: float
-    """Before the first sample: trees, tables, and the pre-pass of learned choice."""
+    """Seconds before the first sample: trees, tables, and the pre-pass of learned choice."""
 
 
 @dataclass(frozen=True)
@@ -63,17 +66,17 @@ class Price:
     spp: int
     """Samples per pixel of each round."""
     variance: float
-    """Of one sample per pixel, (W·sr⁻¹·m⁻²)², over all rounds."""
+    """The variance of one sample per pixel, (W·sr⁻¹·m⁻²)², over all rounds."""
     variance_error: float
     """Its standard error, relative to it."""
     seconds_per_sample: float
     """Median over the rounds, for one sample of every pixel."""
     build_seconds: float
     relative_variance: Spread | None
-    """Times the baseline's; None where the baseline's is 0."""
+    """The variance over the baseline's; None where the baseline's is 0."""
     relative_time: Spread
     efficiency: Spread | None
-    """Times the baseline's; None where the variance of either is 0."""
+    """The efficiency over the baseline's; None where the variance of either is 0."""
     unbounded: bool = False
     """The scene says that its samples have no bound: the variance may be infinite."""
 
@@ -87,7 +90,8 @@ class ScenePrices:
     rounds: int
     prices: list[Price]
     left_out: dict[str, str] = field(default_factory=dict)
-    """From technique to why oneray cannot render the scene with it."""
+    """Why oneray cannot render the scene with a technique, by the technique."""
+    provenance: Provenance = field(default_factory=dict)
 
 
 def sample_variance(stderr: Array, spp: int) -> Array:
@@ -130,7 +134,7 @@ def price(name: str, spp: int, own: Sequence[Measurement], baseline: Sequence[Me
 
 
 def most_efficient_first(prices: Sequence[Price]) -> list[Price]:
-    """Without variance before all others, then by efficiency, then by variance times time."""
+    """The prices, those without variance first, then by efficiency, then by variance times time."""
 
     def key(one: Price) -> tuple[bool, float, float]:
         gain = one.efficiency.median if one.efficiency else 0.0
@@ -185,6 +189,11 @@ def samples_for(task: Task, seconds: float, seed: int) -> int:
     return 1 << int(np.log2(min(max(seconds / (2 * each), LEAST_SPP), MOST_SPP)))
 
 
+def rests_on(label: str, techniques: Iterable[str]) -> list[str]:
+    """The pictures that the prices of a scene rest on."""
+    return [f"{label} {name} auto" for name in techniques]
+
+
 def price_scene(
     tasks: Sequence[Task], rounds: int, seconds: float, spp: int | None, on_case: Callable[[Task], None],
 ) -> ScenePrices:  # fmt: skip
@@ -204,7 +213,8 @@ def price_scene(
     unbounded = {task.technique for task in tasks if task.unbounded}
     prices = [price(name, samples[name], own, found[baseline]) for name, own in found.items()]
     prices = [replace(one, unbounded=one.technique in unbounded) for one in prices]
-    return ScenePrices(tasks[0].label, baseline, rounds, most_efficient_first(prices))
+    rests = provenance(METHOD, rests_on(tasks[0].label, found))
+    return ScenePrices(tasks[0].label, baseline, rounds, most_efficient_first(prices), provenance=rests)
 
 
 def price_list(
@@ -243,8 +253,7 @@ def price_list(
 def to_json(result: Sequence[ScenePrices], header: Mapping[str, object]) -> str:
     """All figures, a technique a line."""
     whole = [asdict(one) for one in result]
-    keys = ("scene", "baseline", "left_out", "rounds")
-    return scenes_json(header, "techniques", [({k: one[k] for k in keys}, one["prices"]) for one in whole])
+    return scenes_json(header, "techniques", ({"techniques": one.pop("prices"), **one} for one in whole))
 
 
 def read(path: Path) -> list[ScenePrices]:
@@ -259,9 +268,8 @@ def read(path: Path) -> list[ScenePrices]:
             Price(**{k: spread(v) if k in SPREADS else v for k, v in one.items()})  # type: ignore[arg-type]
             for one in scene["techniques"]
         ]
-        result.append(
-            ScenePrices(scene["scene"], scene["baseline"], scene["rounds"], prices, scene["left_out"])
-        )
+        del scene["techniques"]
+        result.append(ScenePrices(prices=prices, **scene))
     return result
 
 

@@ -48,7 +48,7 @@ class Figure:
 class Cell:
     text: str
     value: float | str
-    """What the table sorts by."""
+    """The number by which the table sorts."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ def rows(scene: SceneCurves) -> list[Row]:
 
 
 def slope_text(band: Band | None) -> str:
-    """ "−0.50 ± 0.01"."""
+    """The slope as text: "−0.50 ± 0.01"."""
     if band is None:
         return "–"
     return f"{band.value:.3f} ± {(band.high - band.low) / 2:.3f}".replace("-", "−")

@@ -20,7 +20,7 @@ from raycheck.base.images import Image
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.seeds import make_seeds
 from raycheck.base.text import duration, percent, signed
-from raycheck.judging.verdicts import Case, Verification
+from raycheck.judging.cases import Case, Verification
 from raycheck.judging.verify import verify
 from raycheck.measuring import log_log, race_plots, speed
 from raycheck.measuring.contestants import oneray_line
@@ -60,7 +60,7 @@ class SceneSection:
     """Techniques without a case, by the reason."""
     reference: str
     curves: dict[str, Any] | None = None
-    """What curves.html shows."""
+    """What the template curves.html shows, as a dictionary."""
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,7 @@ def stability_section(path: Path | None) -> dict[str, Any] | None:
 
 
 def _about(scene: Path) -> str:
-    """The comment that a scene file begins with."""
+    """The comment at the top of a scene file."""
     text = scene.read_text(encoding="utf-8")
     start, end = text.find("<!--"), text.find("-->")
     return " ".join(text[start + 4 : end].split()) if 0 <= start < end else ""

@@ -53,9 +53,9 @@ def raycheck_hash() -> str:
 
 
 def _files() -> Iterator[Path]:
-    apart = ("scenes", "references", "__pycache__")  # a wheel has the first two in the package
+    installed = ("scenes", "references", "__pycache__")  # a wheel has the first two in the package
     for path in sorted(PACKAGE.rglob("*")):
-        if path.is_file() and not set(path.relative_to(PACKAGE).parts) & set(apart):
+        if path.is_file() and not set(path.relative_to(PACKAGE).parts) & set(installed):
             yield path
     yield from sorted(path for path in data.scenes_dir().rglob("*") if path.is_file())
     yield data.references_dir() / "manifest.json"

@@ -3,7 +3,7 @@
 import hashlib
 
 NUMBERS = 6
-"""Of a pixel in a layer: sums of R G B, then squared deviations of R G B; little-endian doubles."""
+"""Numbers of a pixel in a layer: sums of R G B, then squared deviations of R G B; little-endian doubles."""
 
 
 class FilmError(Exception):

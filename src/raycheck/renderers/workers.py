@@ -26,7 +26,7 @@ READY = b"ready"
 
 
 class Helper:
-    """Ends with the thread that it belongs to."""
+    """Ends with the thread to which it belongs."""
 
     def __init__(self) -> None:
         # -P: no module is taken from the folder that raycheck was started in

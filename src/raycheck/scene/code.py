@@ -77,7 +77,7 @@ class Language:
     bracket: tuple[str, str]
     struct: Callable[[str, Sequence[tuple[str, str]]], str]
     constant: Callable[[str, str, str], str]
-    """Of name, kind and value."""
+    """The declaration of a constant by name, kind and value."""
     array: Callable[[str, str, Sequence[str]], str]
     record: Callable[[str, Sequence[tuple[str, str]]], str]
 
@@ -183,7 +183,7 @@ def source(data: Mapping[str, Any], language: Language) -> str:
 
 
 def text(data: Mapping[str, Any]) -> str:
-    """The scene for people who type it in."""
+    """The scene as numbers and words that people can type in."""
     camera = data["camera"]
     lines = [
         f"scene {data['scene']}",

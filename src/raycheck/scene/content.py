@@ -29,9 +29,9 @@ class SceneContent:
     flat_lights: int = 0
     """Lights with rectangular sides."""
     faces: int = 0
-    """Lights with several faces to choose from."""
+    """Number of lights with several faces, among which one is chosen."""
     specular: bool = False
-    """Mirrors, glass or mixed materials are about, which light paths cannot be joined to the eye at."""
+    """Mirrors, glass or mixed materials are about, where no light path can be joined to the eye."""
     hide_emitters: bool = False
     unbounded: frozenset[str] = frozenset()
     """Techniques that the scene's comment says have samples without bound ("Unbounded: nee, light: why"), so

@@ -29,7 +29,7 @@ class Document:
     root: Element
     """As written, but with the parameters for the values of its defaults, and what it includes in place."""
     included: tuple[str, ...] = ()
-    """Names of files."""
+    """Names of the files that it includes."""
 
     @property
     def defaults(self) -> dict[str, str]:

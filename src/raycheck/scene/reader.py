@@ -222,7 +222,7 @@ def _step(step: Element) -> Array:
 
 
 def _rotation(axis: Array, angle: float) -> Array:
-    """Rodrigues' formula."""
+    """A rotation about an axis, by Rodrigues' formula."""
     x, y, z = axis / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross))

@@ -140,9 +140,9 @@ TECHNIQUES: tuple[Technique, ...] = (
 )  # fmt: skip
 
 BASELINE = "walk-cosine"
-"""The plain random walk, which prices are relative to."""
+"""The plain random walk: prices are relative to it."""
 BEST = "mis-default"
-"""The technique that pictures are made with."""
+"""The technique with which pictures are made."""
 
 
 def technique(name: str) -> Technique:

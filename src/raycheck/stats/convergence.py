@@ -186,7 +186,7 @@ class Fit:
 
     slope: Band
     log_spp: float
-    """Of the middle of the points."""
+    """log of the samples at the middle of the points."""
     log_rmse: float
 
     def samples_for(self, rmse: float) -> float:
@@ -219,9 +219,9 @@ class Slopes:
 
     rmse: Fit | None
     relative: Fit | None
-    """Of the root of relMSE."""
+    """The line of the root of relMSE."""
     without_outliers: Fit | None
-    """Of the RMSE without outliers."""
+    """The line of the RMSE without outliers."""
 
 
 def slopes(levels: Sequence[Scores], reference: Array, reference_variance: Array) -> Slopes:

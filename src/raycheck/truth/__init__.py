@@ -10,5 +10,6 @@ manifest      how each was made
 making        new ones: small batches plan, many large ones give mean and variance
 mitsuba       batches by Mitsuba 3, and which of its variants works here
 expected      reference and closed form together: what verdicts compare with
+provenance    what a kept result rests on, and why it is stale
 closed_forms  exact images of the scenes whose light can be written down
 """

@@ -18,7 +18,7 @@ class Truth:
     """Pixel means and their variance, and how skewed and noisy a single sample is."""
 
     mean: Array
-    """(H, W, 3)"""
+    """(H, W, 3) means of the pixels."""
     variance: Array
     """(H, W, 3) variance of `mean`, 0 where a closed form stands."""
     sample_variance: Array

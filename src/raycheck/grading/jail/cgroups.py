@@ -22,7 +22,7 @@ OURS = "raycheck"
 """The group into which the grader itself moves: in version 2 no group has both processes and subgroups."""
 WANTED = ("memory", "pids")
 REMOVE_SECONDS = 2.0
-"""For the last process, which is dead, to leave its group."""
+"""How long the last process, which is dead, may take to leave its group."""
 MOVES = 100
 """Times that the processes of a group are moved out: more may be started meanwhile."""
 _numbers = itertools.count()
@@ -182,7 +182,7 @@ def _move_out(base: Path) -> None:
 
 
 def _is_ours(base: Path) -> bool:
-    """The root of a container's, or delegated by systemd."""
+    """Whether it is the root of a container's groups, or was delegated by systemd."""
     if base.is_mount():
         return True
     names = set(os.listxattr(base)) & {"user.delegate", "trusted.delegate"}

@@ -57,27 +57,28 @@ ATTRIBUTES = (
     "utime", "utimes", "utimensat", "futimesat",
     "setxattr", "lsetxattr", "fsetxattr", "removexattr", "lremovexattr", "fremovexattr",
 )  # fmt: skip
-"""Of files, which Landlock leaves alone: a program that only makes pictures changes none, and is told that it
-did."""
+"""System calls that change attributes of files, which Landlock leaves alone: a program that only makes
+pictures changes none, and is told that it did.
+"""
 
 
 @dataclass(frozen=True)
 class Rules:
     user: int | None
-    """Whose rights the command has; its own where the supervisor is not root."""
+    """The user whose rights the command has; the supervisor's own where that is not root."""
     landlock: bool
     readable: list[str]
     writable: list[str]
     building: bool
     """A build may set permission bits."""
     limits: dict[str, int]
-    """RLIMIT_… by name."""
+    """Limits of the process by the name of their RLIMIT_…"""
     processes: int
     environment: dict[str, str]
     folder: str
     """Where the command starts."""
     doors: list[str]
-    """Of the control groups that the command belongs to."""
+    """Files through which the command enters its control groups."""
 
 
 libc = ctypes.CDLL(None, use_errno=True)
@@ -261,7 +262,7 @@ def end_all() -> None:
 
 
 class _Ended(Exception):
-    """SIGTERM."""
+    """Raised where the supervisor is told to end, by SIGTERM."""
 
 
 def _end(*_: object) -> None:

@@ -20,7 +20,7 @@ class Confined:
     """A running command, to be used like a Popen."""
 
     servers: ClassVar[dict[int, socket.socket]] = {}
-    """By process: one that was forked has none of its own yet."""
+    """Servers by process: one that was forked has none of its own yet."""
     lock: ClassVar[threading.Lock] = threading.Lock()
 
     def __init__(self, rules: confine.Rules, words: Sequence[str], info: int) -> None:

@@ -49,7 +49,7 @@ exec "$@"
 """
 """Become the first to go where memory is short, a member of the control groups, and then the command."""
 OWN_PROCESSES = 3
-"""Of the jail itself."""
+"""How many processes the jail itself needs."""
 READABLE = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64")
 SETTINGS = ("/etc/alternatives", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d")
 MACHINE = (
@@ -169,13 +169,13 @@ class Command:
 
     words: Sequence[str]
     folder: Path
-    """The submission's."""
+    """The submission's folder outside the jail."""
     writable: bool
-    """Is it?"""
+    """Whether the command may write into that folder."""
     readable: Mapping[Path, str]
     """Other files by the names that they have inside."""
     output: Path | None
-    """/out."""
+    """The folder outside the jail that the command sees as /out."""
 
     @property
     def outside(self) -> list[str]:
@@ -186,7 +186,7 @@ class Command:
         return [names.sub(lambda found: places[found[0]], word) for word in self.words]
 
     def sizes(self, limits: Limits) -> list[Size]:
-        """How large the folders may become that it may write to."""
+        """How large each folder that it may write to may become."""
         sizes = [Size(self.output, limits.output_mb << 20, MOST_OUTPUT_FILES)] if self.output else []
         return [*sizes, Size(self.folder, BUILD_BYTES, MOST_BUILD_FILES)] if self.writable else sizes
 

@@ -24,10 +24,10 @@ from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
 
 KEPT_BYTES = 4000
-"""Of what a program says on standard error."""
+"""How much is kept of what a program says on standard error."""
 WATCH_SECONDS = 0.05
 END_SECONDS = 10.0
-"""For a supervisor to end what it looks after."""
+"""How long a supervisor may take to end what it looks after."""
 Process = subprocess.Popen[bytes] | Confined
 
 
@@ -74,7 +74,7 @@ class Bounds:
     memory_mb: int
     sizes: Sequence[Size]
     group: Group | None = None
-    """That they belong to."""
+    """The control group of all processes."""
 
     @property
     def doors(self) -> list[str]:

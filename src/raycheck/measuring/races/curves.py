@@ -10,6 +10,7 @@ from raycheck.base.errors import NotFound
 from raycheck.base.text import scenes_json
 from raycheck.stats.convergence import Band, Level
 from raycheck.stats.spread import Spread
+from raycheck.truth.provenance import Provenance
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Curve:
     sample_seconds: Spread | None = None
     """Process time of one sample of every pixel, over the rounds."""
     slope: Band | None = None
-    """Of log RMSE over log samples."""
+    """Slope of log RMSE over log samples."""
     relative_slope: Band | None = None
     """The same of the root of relMSE."""
     slope_without_outliers: Band | None = None
@@ -69,7 +70,7 @@ class SceneCurves:
     rounds: int
     baseline: str
     mean: float
-    """Of the reference over pixels and channels."""
+    """Mean of the reference over pixels and channels."""
     epsilon: float
     floor: float
     """RMSE of the reference itself, 0 where a closed form stands."""
@@ -78,12 +79,12 @@ class SceneCurves:
     left_out: dict[str, str] = field(default_factory=dict)
     equal_samples: list[Shown] = field(default_factory=list)
     equal_time: list[Shown] = field(default_factory=list)
+    provenance: Provenance = field(default_factory=dict)
 
 
 def to_json(scenes: Sequence[SceneCurves], header: Mapping[str, object]) -> str:
     """All figures, four digits each, a contestant a line."""
-    whole = [asdict(one) for one in scenes]
-    return scenes_json(header, "curves", [(one, one.pop("curves")) for one in whole])
+    return scenes_json(header, "curves", map(asdict, scenes))
 
 
 def read(path: Path) -> tuple[list[SceneCurves], dict[str, Any]]:

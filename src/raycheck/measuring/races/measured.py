@@ -6,7 +6,7 @@ import numpy as np
 
 from raycheck.base.arrays import Array
 from raycheck.judging import checks, sentences
-from raycheck.judging.pictures import judge_few
+from raycheck.judging.judge_images import judge_few
 from raycheck.measuring.races.curves import Curve
 from raycheck.measuring.races.race import Entry
 from raycheck.scene.content import read_content
@@ -19,7 +19,7 @@ from raycheck.stats.verdict import Outcome
 from raycheck.truth.expected import Truth
 
 TARGET = 0.01
-"""The relative RMSE that a time is given for."""
+"""The relative RMSE to which the time is told."""
 
 
 def measured_curve(entry: Entry, of: Variant, truth: Truth, rounds: int) -> Curve:

@@ -33,7 +33,7 @@ class Entry:
     opened: dict[str, float] = field(default_factory=dict)
     levels: list[int] = field(default_factory=list)
     shots: dict[tuple[int, int], Shot] = field(default_factory=dict)
-    """By samples per pixel and round."""
+    """Pictures by samples per pixel and round."""
     reason: str = ""
     is_open: bool = False
 
@@ -90,13 +90,13 @@ def doubling(start: float, each: float, seconds: float, rounds: int) -> list[int
 
 @dataclass
 class Race:
-    """One scene."""
+    """The race over one scene."""
 
     of: Variant
     truth: Truth
     contestants: Sequence[Contestant]
     seconds: float
-    """Of each contestant, all rounds together."""
+    """Seconds of each contestant, all rounds together."""
     rounds: int
     shelf: Shelf
     tell: Callable[[str], None]
@@ -173,6 +173,6 @@ class Race:
         return checks.seed_problem(digests, [f"round {k + 1}" for k in range(self.rounds)], self.truth.varies)
 
     def picture(self, entry: Entry, spp: int, key: str) -> tuple[Shot, int]:
-        """One more, with the seed that it was made with."""
+        """Render one more picture; the picture and its seed."""
         [seed] = make_seeds(f"{self.of.label}/{entry.name}/{key}", 1)
         return self.shelf.shot(entry.name, f"{key}-{spp}", lambda: self._render(entry, spp, seed)), seed

@@ -14,7 +14,7 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -36,8 +36,10 @@ from raycheck.scene.variants import Variant
 from raycheck.stats import convergence
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
+from raycheck.truth.provenance import provenance
 
-SCHEMA = 1
+METHOD = 1
+"""Version of how races are run and read, see truth.provenance."""
 
 LEAST_ROUNDS, ROUNDS = 6, 8
 
@@ -86,6 +88,7 @@ def race(
         floor=float(np.sqrt(truth.variance.mean())),
         reference="closed form" if truth.closed_form else reference.made_by,
         curves=curves, left_out=dict(left_out or {}), equal_samples=samples, equal_time=times,
+        provenance=provenance(METHOD, rests_on(of.label, [curve.name for curve in curves])),
     )  # fmt: skip
     pictures = {"reference": truth.mean} | pictures
     _keep(folder, found, pictures, key)
@@ -93,10 +96,15 @@ def race(
     return found, pictures
 
 
+def rests_on(label: str, contestants: Iterable[str]) -> list[str]:
+    """The pictures that the curves of a scene rest on: oneray's, and the reference."""
+    return [f"reference {label}", *(f"{label} {name} auto" for name in contestants)]
+
+
 def _key(of: Variant, truth: Truth, contestants: Sequence[Contestant], seconds: float, rounds: int) -> str:
     """What makes two races the same."""
     who = [(c.name, c.command, getattr(c, "identity", "")) for c in contestants]
-    what = [SCHEMA, variants.scene_hash(of.path, of.parameters), truth.digest, who, seconds, rounds]
+    what = [METHOD, variants.scene_hash(of.path, of.parameters), truth.digest, who, seconds, rounds]
     return hashlib.blake2b(json.dumps(what).encode(), digest_size=16).hexdigest()
 
 
@@ -117,8 +125,8 @@ def _relative(curves: list[Curve]) -> list[Curve]:
 
 
 def shown_names(of: Variant, curves: Mapping[str, Curve]) -> list[str]:
-    """Whose pictures are shown: oneray's default technique, the others that are not oneray's, the plain walk
-    or `nee`.
+    """The contestants whose pictures are shown: oneray's default technique, the others that are not oneray's,
+    the plain walk or `nee`.
     """
     own = {one.name for one in TECHNIQUES}
     alive = [name for name, one in curves.items() if not one.reason]

@@ -16,7 +16,7 @@ from raycheck.scene import document
 Settings = Mapping[str, str]
 
 DIGITS = 60
-"""Of closed forms, by mpmath."""
+"""Digits to which mpmath evaluates closed forms."""
 EXACT = 1e-6
 """Where the estimator has next to no variance, and a picture of single floats holds 6e-8."""
 
@@ -44,7 +44,7 @@ class Parsed:
 
 @dataclass(frozen=True)
 class Truth:
-    """The value that the picture ought to have, and the one that its error is relative to."""
+    """The value that the picture ought to have, and the unit of its error."""
 
     value: mpf
     unit: mpf
@@ -58,7 +58,7 @@ class Case:
     title: str
     parameter: str
     values: tuple[float, ...]
-    """From ordinary to extreme, beyond the goal."""
+    """The values that are swept, from ordinary to extreme, beyond the goal."""
     goal: float
     within: float
     """Relative error that is allowed beyond noise."""
@@ -77,7 +77,7 @@ class Case:
     most_mitsuba: int = 1 << 16
     """Samples of a picture that Mitsuba is given at most: its scalar variant is slow."""
     options: tuple[str, ...] = ()
-    """Of oneray, beyond its defaults."""
+    """oneray's options beyond its defaults."""
 
     @property
     def path(self) -> Path:

@@ -1,13 +1,15 @@
 """What the sweeps showed, in memory and in a file."""
 
+import copy
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from raycheck.base.errors import NotFound
+from raycheck.truth.provenance import Provenance
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,7 @@ class Result:
     parameter: str
     goal: float
     curves: list[Curve]
+    provenance: Provenance = field(default_factory=dict)
 
     def holds(self) -> bool:
         """Whether the first renderer reaches the goal, with every value up to it."""
@@ -69,16 +72,21 @@ class Result:
 
 
 def to_json(results: Sequence[Result], header: dict[str, Any]) -> str:
-    """What `read` reads; one point a line."""
-    found = [asdict(result) for result in results]
+    """The JSON text of results and their header."""
+    return as_text(header | {"cases": [asdict(result) for result in results]})
+
+
+def as_text(found: dict[str, Any]) -> str:
+    """The JSON text of such a file; one point a line."""
+    found = copy.deepcopy(found)
     marks: dict[str, str] = {}
-    for result in found:
+    for result in found["cases"]:
         for curve in result["curves"]:
             for k, point in enumerate(curve["points"]):
                 mark = f"@{len(marks)}@"
                 marks[mark] = json.dumps(point, ensure_ascii=False)
                 curve["points"][k] = mark
-    text = json.dumps(header | {"cases": found}, indent=1, ensure_ascii=False)
+    text = json.dumps(found, indent=1, ensure_ascii=False)
     return re.sub(r'"(@\d+@)"', lambda match: marks[match.group(1)], text) + "\n"
 
 

@@ -19,7 +19,10 @@ from raycheck.measuring.stability.cases import CASES
 from raycheck.measuring.stability.renderers import Oneray, Renders, mitsuba
 from raycheck.measuring.stability.results import Curve, Point, Result
 from raycheck.measuring.step import Step
+from raycheck.truth.provenance import provenance
 
+METHOD = 1
+"""Version of how cases are swept, see truth.provenance."""
 SIGMAS = 5.0
 MITSUBA_WITHIN = 1e-2
 """What Mitsuba is allowed at least, since it has single floats."""
@@ -122,6 +125,12 @@ def cases_named(names: Sequence[str]) -> list[Case]:
     return [known[name] for name in names] or list(CASES)
 
 
+def rests_on(case: Case) -> list[str]:
+    """The pictures of its scene as it stands, by the two estimators of which oneray's default is one."""
+    ways = [(name, precision) for name in ("nee", "mis-default") for precision in ("double", "single")]
+    return [f"stiff/{case.path.stem} {name} {precision}" for name, precision in ways]
+
+
 def run(
     cases: Sequence[Case],
     quick: bool = False,
@@ -138,5 +147,6 @@ def run(
                 curves.append(sweep(case, renderer, case.coarse if quick else case.values, seed))
                 if on_case:
                     on_case(Step(case.name, renderer.name), len(cases) * len(renderers))
-            results.append(Result(case.name, case.title, case.parameter, case.goal, curves))
+            rests = provenance(METHOD, rests_on(case))
+            results.append(Result(case.name, case.title, case.parameter, case.goal, curves, rests))
     return results

@@ -17,7 +17,7 @@ from raycheck.base.files import whole
 from raycheck.truth.closed_forms import forms
 
 VERSION = 1
-"""Of the formulas: to be raised with any change of what comes out of them, and with no other."""
+"""The version of the formulas, to be raised with any change of what comes out of them, and with no other."""
 WORTH_KEEPING = 0.1
 """Seconds of evaluation from which a closed form is kept."""
 

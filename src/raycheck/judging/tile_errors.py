@@ -1,4 +1,4 @@
-"""The error of an image in tiles, and its noise: what mistakes and wrong parts of the light are told by."""
+"""The error of an image in tiles, and its noise, by which mistakes and wrong parts of the light are told."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ FEW = 32
 
 
 @dataclass(frozen=True)
-class Evidence:
+class TileErrors:
     """The error of an image of one scene."""
 
     scene: str
@@ -26,7 +26,7 @@ class Evidence:
     correlation: Array
     """(T, 3, 3) of the channels of a tile: one path adds to all of them."""
     scale: Array
-    """(T, 3) what a bias is relative to."""
+    """(T, 3) the unit of a relative bias."""
 
     def noise_blocks(self) -> Array:
         """(T, 3, 3) covariance of the error, with the floor."""
@@ -40,22 +40,22 @@ class Evidence:
         return float(np.sqrt(np.mean((self.error / self.scale) ** 2)))
 
 
-def evidence(scene: str, images: Array, truth: Truth) -> Evidence:
+def tile_errors(scene: str, images: Array, truth: Truth) -> TileErrors:
     """The errors of images (B ≥ 1, H, W, 3). The noise of a single one is taken from how its pixels differ
     within tiles.
     """
     tiles = grid(*truth.shape)
     if len(images) > 1:
-        return evidence_of_means(scene, region_means(images, tiles), truth)
+        return errors_of_means(scene, region_means(images, tiles), truth)
     rest = images[0] - truth.mean
     for tile in tiles:
         rest[tile.window] -= rest[tile.window].mean(axis=(0, 1))
     own = region_variances(rest**2, tiles)
     alike = _correlation(rest.reshape(-1, 1, 3), len(tiles))
-    return _evidence(scene, region_means(images[0], tiles), own, alike, truth)
+    return _tile_errors(scene, region_means(images[0], tiles), own, alike, truth)
 
 
-def evidence_of_means(scene: str, means: Array, truth: Truth) -> Evidence:
+def errors_of_means(scene: str, means: Array, truth: Truth) -> TileErrors:
     """The errors of images from their means (B > 1, T, 3) over the tiles.
 
     A few images that missed rare bright samples look calmer than they are: no tile's noise is taken to be
@@ -67,7 +67,7 @@ def evidence_of_means(scene: str, means: Array, truth: Truth) -> Evidence:
     if noisy.any():
         own = np.maximum(own, np.where(own > 0, one * np.median(own[noisy] / one[noisy]), 0.0))
     alike = _correlation(means - means.mean(axis=0), means.shape[1])
-    return _evidence(scene, means.mean(axis=0), own, alike, truth)
+    return _tile_errors(scene, means.mean(axis=0), own, alike, truth)
 
 
 def _correlation(rest: Array, tiles: int) -> Array:
@@ -85,10 +85,10 @@ def _correlation(rest: Array, tiles: int) -> Array:
     return np.broadcast_to(found, (tiles, 3, 3))
 
 
-def _evidence(scene: str, mean: Array, own: Array, correlation: Array, truth: Truth) -> Evidence:
+def _tile_errors(scene: str, mean: Array, own: Array, correlation: Array, truth: Truth) -> TileErrors:
     tiles = grid(*truth.shape)
     expected = region_means(truth.mean, tiles)
     floor = np.abs(truth.mean).mean(axis=(0, 1)) / 10
     scale = np.maximum(np.abs(expected), np.where(floor > 0, floor, 1.0))
     variance = own + region_variances(truth.variance, tiles)
-    return Evidence(scene, mean - expected, variance, correlation, scale)
+    return TileErrors(scene, mean - expected, variance, correlation, scale)

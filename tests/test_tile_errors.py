@@ -5,16 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from raycheck.judging import diagnosis, evidence, parts
+from raycheck.judging import diagnosis, parts, tile_errors
 from raycheck.judging.diagnosis import Mistake, Signatures
-from raycheck.judging.evidence import Evidence
 from raycheck.judging.parts import Hypothesis, Parts
+from raycheck.judging.tile_errors import TileErrors
 from raycheck.truth.expected import Truth
 
 SIGNS = np.where(np.arange(64) % 2, 1.0, -1.0)
 
 
-# ---- evidence ----
+# ---- errors of tiles ----
 
 
 def truth(mean: float | np.ndarray = 1.0, variance: float = 0.0, sample_variance: float = 1.0) -> Truth:
@@ -31,26 +31,26 @@ def means(noise: np.ndarray, batches: int, channels: tuple[float, ...] = (1, 1, 
 def test_no_noise_is_below_a_thousandth() -> None:
     """Rounding of float32 images is no mistake: 1e-6 of the squared scale, in each tile and channel."""
     mean = np.ones((16, 16, 3)) * [4.0, 1.0, 0.25]
-    found = evidence.evidence_of_means("a", np.broadcast_to([4.0, 1.0, 0.25], (8, 4, 3)), truth(mean))
+    found = tile_errors.errors_of_means("a", np.broadcast_to([4.0, 1.0, 0.25], (8, 4, 3)), truth(mean))
     np.testing.assert_allclose(found.noise_blocks(), np.tile(np.diag([4e-3, 1e-3, 0.25e-3]) ** 2, (4, 1, 1)))
 
 
 def test_a_difference_below_a_thousandth_is_none() -> None:
     for size, differs in ((0.9e-3, False), (1.9e-3, True)):
-        found = evidence.evidence_of_means("a", np.full((8, 4, 3), 1 + size), truth())
+        found = tile_errors.errors_of_means("a", np.full((8, 4, 3), 1 + size), truth())
         assert diagnosis._differs(found) == differs
 
 
 def test_tiles_that_look_calm_are_as_noisy_as_the_rest() -> None:
     """By the median: samples that the reference's renderer varies by alike; that of tile 3 is as measured."""
-    found = evidence.evidence_of_means("a", means(np.array([0.01, 0.2, 0.2, 0.8]), 8), truth())
+    found = tile_errors.errors_of_means("a", means(np.array([0.01, 0.2, 0.2, 0.8]), 8), truth())
     one = 8 / 7 / 8
     expected = np.array([0.04, 0.04, 0.04, 0.64]) * one
     np.testing.assert_allclose(found.variance, np.repeat(expected[:, None], 3, axis=1))
 
 
 def test_noise_is_that_of_the_mean_and_of_the_reference() -> None:
-    found = evidence.evidence_of_means("a", means(np.full(4, 0.1), 8), truth(variance=0.64))
+    found = tile_errors.errors_of_means("a", means(np.full(4, 0.1), 8), truth(variance=0.64))
     np.testing.assert_allclose(found.variance, 0.01 * 8 / 7 / 8 + 0.64 / 64)
     np.testing.assert_allclose(
         found.noise_blocks()[0], found.variance[0, 0] * (0.1 * np.eye(3) + 0.9) + 1e-6 * np.eye(3)
@@ -62,25 +62,25 @@ def test_tiles_have_correlations_of_their_own_from_32_batches_on(batches: int, a
     """Green goes against red in the first tile alone."""
     opposed = means(np.full(4, 0.1), batches)
     opposed[:, 0, 1] = 2 - opposed[:, 0, 1]
-    found = evidence.evidence_of_means("a", opposed, truth()).correlation
+    found = tile_errors.errors_of_means("a", opposed, truth()).correlation
     assert found[1, 0, 1] == pytest.approx(0.9 if alone else 0.45)
     assert found[0, 0, 1] == pytest.approx(-0.9 if alone else 0.45)
 
 
 def test_the_noise_of_one_picture_is_not_its_error() -> None:
     """Tiles that are off by a constant have none."""
-    found = evidence.evidence("a", np.full((1, 16, 16, 3), 1.5), truth())
+    found = tile_errors.tile_errors("a", np.full((1, 16, 16, 3), 1.5), truth())
     assert np.allclose(found.error, 0.5) and np.allclose(found.variance, 0)
     pixels = 1.5 + 0.1 * SIGNS[:16, None] * np.ones((1, 16, 16, 3))
-    assert np.allclose(evidence.evidence("a", pixels, truth()).variance, 0.01 / 64)
+    assert np.allclose(tile_errors.tile_errors("a", pixels, truth()).variance, 0.01 / 64)
 
 
 def test_errors_are_relative_to_a_tenth_of_the_image_at_least() -> None:
     mean = np.ones((16, 16, 3))
     mean[:8, :8] = 1e-6
-    found = evidence.evidence_of_means("a", np.ones((8, 4, 3)), truth(mean))
+    found = tile_errors.errors_of_means("a", np.ones((8, 4, 3)), truth(mean))
     np.testing.assert_allclose(found.scale[0], mean[..., 0].mean() / 10)
-    found = evidence.evidence_of_means("a", np.full((8, 4, 3), 1.2), truth())
+    found = tile_errors.errors_of_means("a", np.full((8, 4, 3), 1.2), truth())
     assert found.size == pytest.approx(0.2)
 
 
@@ -109,7 +109,7 @@ def explained(monkeypatch: pytest.MonkeyPatch) -> Said:
         monkeypatch.setattr(parts, "load", lambda scene: Parts(*names, image, 0 * image))
         full = np.ones((TILES, 3))
         correlation = np.broadcast_to(np.eye(3), (TILES, 3, 3))
-        return parts.explain(Evidence("a", error, noise**2 * full, correlation, 1e-3 * full))
+        return parts.explain(TileErrors("a", error, noise**2 * full, correlation, 1e-3 * full))
 
     return said
 
@@ -236,9 +236,9 @@ def diagnosed(monkeypatch: pytest.MonkeyPatch) -> Diagnosed:
     return said
 
 
-def of_error(error: np.ndarray, noise: float) -> Evidence:
+def of_error(error: np.ndarray, noise: float) -> TileErrors:
     correlation = np.broadcast_to(np.eye(3), (64, 3, 3))
-    return Evidence("a", error, noise**2 * FLAT, correlation, FLAT)
+    return TileErrors("a", error, noise**2 * FLAT, correlation, FLAT)
 
 
 def jitter(size: float) -> np.ndarray:

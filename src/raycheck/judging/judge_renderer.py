@@ -13,9 +13,10 @@ from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task
+from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
-from raycheck.judging.evidence import evidence
-from raycheck.judging.plan import Pilot, Plan, measure, pace, plan
+from raycheck.judging.conclusion import case_maker, conclude, figures
+from raycheck.judging.plan import Pilot, Plan, measure_pilot, pace, plan
 from raycheck.judging.settings import (
     BATCHES,
     MOST_SPP,
@@ -26,21 +27,25 @@ from raycheck.judging.settings import (
     Settings,
     case_seeds,
 )
-from raycheck.judging.telling import case_maker, figures, known_as, told
-from raycheck.judging.verdicts import Case
 from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
 from raycheck.stats.verdict import Outcome, judge
 from raycheck.truth.expected import Truth
+from raycheck.truth.provenance import provenance
+
+METHOD = 1
+"""Version of how pictures are judged, see truth.provenance."""
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded)
+    """Render and judge one case; `taken` are the seeds of the reference."""
+    rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
+    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded, provenance=rests)
     technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
     seeds = case_seeds(task.label, technique, settings.seed, taken)
     try:
         with _pool(settings.jobs) as pool:
-            return _judge_renders(_Trial(task, truth, settings, pool), seeds, case)
+            return _judge_renders(_Renders(task, truth, settings, pool), seeds, case)
     except Broken as error:
         return case(Outcome.FAIL, str(error))
     except RenderTimeout as error:
@@ -62,7 +67,7 @@ def _pool(jobs: int) -> Iterator[ThreadPoolExecutor]:
 
 
 @dataclass
-class _Trial:
+class _Renders:
     """The renders of one case: each goes through the plain checks, and no two may be the same."""
 
     task: Task
@@ -107,27 +112,28 @@ class _Trial:
         return pilot, chosen
 
 
-def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -> Case:
-    truth, settings = trial.truth, trial.settings
-    fixed = not trial.task.renderer.takes_spp
-    _, probe = trial.render(1, seeds[:1])
-    fingerprint = _fingerprint(trial.task, trial.digests[0], truth, settings)
+def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case]) -> Case:
+    """A probe of one sample, a pilot that plans, two sets of images; plain checks come before statistics."""
+    truth, settings = renders.truth, renders.settings
+    fixed = not renders.task.renderer.takes_spp
+    _, probe = renders.render(1, seeds[:1])
+    fingerprint = _fingerprint(renders.task, renders.digests[0], truth, settings)
     if fingerprint in settings.earlier:
         return settings.earlier[fingerprint]
     case = partial(case, fingerprint=fingerprint)
     first_spp = 1 if fixed else PILOT_SPP
-    pilot_images, pilot_made = trial.render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
-    trial.check_seeds()
-    mistake = trial.mistake(pilot_images, gross=True)
+    pilot_images, pilot_made = renders.render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
+    renders.check_seeds()
+    mistake = renders.mistake(pilot_images, gross=True)
     if mistake:
         return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
     times = {1: probe[0].seconds, first_spp: min(m.seconds for m in pilot_made)}
-    pilot = measure(pilot_images, None if fixed else first_spp, truth, times)
+    pilot = measure_pilot(pilot_images, None if fixed else first_spp, truth, times)
     smallest, spp = SMALLEST, None if fixed else settings.spp
     if not fixed and not settings.spp:
-        pilot, chosen = trial.plan(pilot, times, seeds[-TIMING_SEEDS:])
+        pilot, chosen = renders.plan(pilot, times, seeds[-TIMING_SEEDS:])
         smallest, spp = chosen.smallest, chosen.spp
-        if not trial.task.independent:
+        if not renders.task.independent:
             # The variance falls faster than 1/spp: the plan, which takes it as 1/spp, errs on the safe side
             # from the pilot's samples on, and expects too little noise below.
             spp = max(spp, PILOT_SPP)
@@ -135,16 +141,16 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
     quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
     regions = truth.regions(spp or 1, pilot.skewness, smallest)
     second = 1 + PILOT_IMAGES + BATCHES
-    set_a, _ = trial.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
-    set_b, _ = trial.render(spp or 1, seeds[second : second + BATCHES])
-    trial.check_seeds()
+    set_a, _ = renders.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
+    set_b, _ = renders.render(spp or 1, seeds[second : second + BATCHES])
+    renders.check_seeds()
     both = np.concatenate([set_a, set_b])
     problem = checks.shared_noise(both)
     if not fixed and not problem:
         tame = truth.regions(first_spp, pilot.skewness)
         few = region_means(pilot_images, tame)
         problem = checks.stuck_noise(few, first_spp, region_means(both, tame), spp or 1)
-    if problem and trial.task.independent:
+    if problem and renders.task.independent:
         return case(Outcome.FAIL, problem, spp=spp, images=2 * BATCHES)
     means = region_means(both, regions)
     residuals = means - region_means(truth.mean, regions)
@@ -152,17 +158,19 @@ def _judge_renders(trial: _Trial, seeds: list[int], case: Callable[..., Case]) -
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
     found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
     if found.outcome is Outcome.FAIL:
-        mistake = trial.mistake(both)
+        mistake = renders.mistake(both)
         if not mistake and not fixed:
             mistake = checks.clamped_samples(found.bias_high, pilot.noise)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
-    shown = partial(evidence, known_as(trial.task.of), both, truth)
-    found, sentence = told(found, regions, seconds, mistake, probe[0].image, shown)
+    found, sentence = conclude(
+        found, regions, renders.task.of, both, truth,
+        precision=probe[0].image.precision, mistake=mistake, seconds=seconds,
+    )  # fmt: skip
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions))
 
 
 def _fingerprint(task: Task, picture: str, truth: Truth, settings: Settings) -> str:
-    what = (task.label, task.technique, picture, truth.digest)
+    what = (METHOD, task.label, task.technique, picture, truth.digest)
     how = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
     return hashlib.blake2b(repr((what, how)).encode(), digest_size=16).hexdigest()
 

@@ -4,41 +4,42 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from raycheck.base.images import Image
+from raycheck.base.arrays import Array
 from raycheck.judging import diagnosis, sentences
-from raycheck.judging.evidence import Evidence
-from raycheck.judging.verdicts import Case
-from raycheck.scene import variants
+from raycheck.judging.cases import Case
+from raycheck.judging.tile_errors import tile_errors
+from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import Tile
 from raycheck.stats.verdict import Judgement, Outcome
 from raycheck.truth.expected import Truth
 
 
-def known_as(of: variants.Variant) -> str:
-    """What signatures and parts go by; another scene may have the name of one here."""
+def template_name(of: Variant) -> str:
+    """The name by which signatures and parts know a scene; another scene may have the name of one here."""
     return of.label if of.canonical else str(of.path)
 
 
-def told(
-    found: Judgement, regions: list[Tile], seconds: float, mistake: str | None, image: Image,
-    shown: Callable[[], Evidence],
+def conclude(
+    found: Judgement, regions: list[Tile], of: Variant, images: Array, truth: Truth, *,
+    precision: str, mistake: str | None, seconds: float,
 ) -> tuple[Judgement, str]:  # fmt: skip
-    """The judgement's reason, and what coarse input means for it."""
-    if found.outcome is Outcome.FAIL and not mistake and image.precision == "float":
-        suspects, explained = diagnosis.likely(shown())
-        sentence = sentences.reason(found, regions, seconds, explained=explained) + sentences.suspicion(
-            suspects
-        )
+    """The judgement as it stands with images (B, H, W, 3) of this precision, and its sentence: `mistake`,
+    where a plain check says what is wrong, else what the error looks like. What would decide takes `seconds`.
+    """
+    if found.outcome is Outcome.FAIL and not mistake and precision == "float":
+        suspects, explained = diagnosis.likely(tile_errors(template_name(of), images, truth))
+        sentence = sentences.reason(found, regions, seconds, explained=explained)
+        sentence += sentences.suspicion(suspects)
     else:
         sentence = sentences.reason(found, regions, seconds, mistake)
-    if image.precision == "8-bit" and found.outcome is Outcome.PASS:
+    if precision == "8-bit" and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
         return (
             found,
             "8 bits cannot show that an image is right: no gross mistake was seen; write EXR or PFM to pass",
         )
-    if image.precision != "float":
-        sentence += f"; the images are {image.precision}, so that biases below their rounding are not seen"
+    if precision != "float":
+        sentence += f"; the images are {precision}, so that biases below their rounding are not seen"
     return found, sentence
 
 
@@ -57,7 +58,7 @@ FIGURES = (
     "bias", "bias_low", "bias_high", "mde_image", "mde_tile_p90", "mde_tile_max", "p_image", "p_tile",
     "p_omnibus", "tile_differences", "heavy_tailed",
 )  # fmt: skip
-"""Of a judgement, that its case has too."""
+"""The figures of a judgement that its case has too."""
 
 
 def figures(found: Judgement, regions: list[Tile]) -> dict[str, Any]:

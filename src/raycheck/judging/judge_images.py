@@ -3,7 +3,6 @@
 import glob
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +13,11 @@ from raycheck.base.errors import ImageError, NotFound
 from raycheck.base.images import Image, load_image
 from raycheck.base.text import signed
 from raycheck.judging import checks
+from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
-from raycheck.judging.evidence import evidence
+from raycheck.judging.conclusion import case_maker, conclude, figures
 from raycheck.judging.plan import cumulants, equivalent_spp, residual_skewness, tile_skewness
 from raycheck.judging.settings import BATCHES
-from raycheck.judging.telling import case_maker, figures, known_as, told
-from raycheck.judging.verdicts import Case
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.stats.tiles import Tile, region_means
@@ -29,6 +27,7 @@ from raycheck.truth.expected import Truth, truth_of
 
 
 def image_paths(images: str | Sequence[str | Path]) -> list[Path]:
+    """The files of a glob, or those named; NotFound where no file matches."""
     if isinstance(images, str):
         paths = [Path(p) for p in sorted(glob.glob(images))]  # noqa: PTH207 (absolute patterns too)
         if not paths:
@@ -38,6 +37,7 @@ def image_paths(images: str | Sequence[str | Path]) -> list[Path]:
 
 
 def judge_files(of: variants.Variant, files: list[Path], limits: Limits) -> Case:
+    """Judge picture files; one that cannot be read is a FAIL."""
     loaded: list[Image] = []
     for file in files:
         try:
@@ -76,8 +76,9 @@ def judge_pictures(
         mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
     elif found.outcome is Outcome.INCONCLUSIVE:
         return case(found.outcome, _few(found, len(loaded)), **figures(found, regions))
-    shown = partial(evidence, known_as(of), images, truth)
-    found, sentence = told(found, regions, 0.0, mistake, coarse, shown)
+    found, sentence = conclude(
+        found, regions, of, images, truth, precision=coarse.precision, mistake=mistake, seconds=0.0
+    )
     if classes > 1:
         sentence += (
             f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"
@@ -123,7 +124,7 @@ class _Interleaved:
     """
 
     pixels: Array
-    """(k, H, W, 3) residuals"""
+    """(k, H, W, 3) residuals."""
     classes: int
 
     def _member(self) -> NDArray[np.int64]:
@@ -137,7 +138,7 @@ class _Interleaved:
         return [r for r in regions if len(np.unique(member[r.window])) == self.classes]
 
     def region_means(self, regions: list[Tile]) -> Array:
-        """(k × classes, R, 3)"""
+        """(k × classes, R, 3) means of each class of pixels over the regions."""
         if self.classes == 1:
             return region_means(self.pixels, regions)
         member = self._member()

@@ -15,7 +15,7 @@ from raycheck.base.text import percent
 from raycheck.judging import checks, diagnosis, parts, sentences
 from raycheck.judging.agenda import renderer_agenda
 from raycheck.judging.diagnosis import Diagnosis
-from raycheck.judging.evidence import Evidence, evidence
+from raycheck.judging.tile_errors import TileErrors, tile_errors
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import lecture, variants
 from raycheck.scene.content import read_content
@@ -32,10 +32,10 @@ MAP_SCALE = 6
 
 
 @dataclass
-class Findings:
+class Inspection:
     """What was looked at, and what it shows."""
 
-    evidence: list[Evidence] = field(default_factory=list)
+    errors: list[TileErrors] = field(default_factory=list)
     plain: str | None = None
     """What a plain check says at once: nothing more is fitted then."""
     notes: list[str] = field(default_factory=list)
@@ -47,13 +47,13 @@ class Findings:
         gross = checks.name_mistake(images, truth.mean, truth.variance, lights, gross=True)
         if gross and not self.plain:
             self.plain = f"{scene}: {gross}"
-        one = evidence(scene, images, truth)
-        self.evidence.append(one)
-        if one.size >= max(other.size for other in self.evidence):
+        one = tile_errors(scene, images, truth)
+        self.errors.append(one)
+        if one.size >= max(other.size for other in self.errors):
             self.worst = images, truth
 
 
-def of_files(files: list[Path], scenes: list[str] | None) -> Findings:
+def of_files(files: list[Path], scenes: list[str] | None) -> Inspection:
     try:
         loaded = [load_image(file) for file in files]
     except ImageError as error:
@@ -62,7 +62,7 @@ def of_files(files: list[Path], scenes: list[str] | None) -> Findings:
     if len(shapes) > 1:
         raise NotFound(f"the images have different sizes: {', '.join(map(str, sorted(shapes)))}")
     pixels = np.stack([image.pixels for image in loaded])
-    found = Findings()
+    found = Inspection()
     name = scenes[0] if scenes else guess_scene(pixels.mean(axis=0))
     if not scenes:
         found.notes.append(f"taken for a picture of {name} (--scene NAME says otherwise)")
@@ -93,9 +93,9 @@ def guess_scene(image: Array) -> str:
     return best
 
 
-def of_renderer(renderer: str, scenes: list[str] | None) -> Findings:
+def of_renderer(renderer: str, scenes: list[str] | None) -> Inspection:
     wanted = [variants.variant(name) for name in scenes or diagnosis.complete_scenes()]
-    found = Findings()
+    found = Inspection()
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         for task in renderer_agenda(renderer, wanted, Path(folder), explicit=bool(scenes)).tasks:
             reference = references.load_reference(task.of)
@@ -105,7 +105,7 @@ def of_renderer(renderer: str, scenes: list[str] | None) -> Findings:
                 found.notes.append(f"{task.label}: left out: {error}")
                 continue
             found.look(task.label, images, truth_of(reference), task.content.lights)
-    if not found.evidence:
+    if not found.errors:
         raise NotFound("; ".join(found.notes))
     return found
 
@@ -121,18 +121,18 @@ def _render(renderer: Renderer, of: Variant, truth: Truth) -> Array:
     return np.stack(made)
 
 
-def report(found: Findings) -> tuple[str, bool]:
+def report(found: Inspection) -> tuple[str, bool]:
     """What to print, and whether something is wrong."""
     lines = list(found.notes)
-    if found.plain and not found.evidence:
+    if found.plain and not found.errors:
         return "\n".join([*lines, sentence(found.plain)]), True
-    told = diagnosis.diagnose(found.evidence)
-    where = ", ".join(one.scene for one in found.evidence)
+    told = diagnosis.diagnose(found.errors)
+    where = ", ".join(one.scene for one in found.errors)
     if not told.significant:
         return "\n".join(
             [*lines, f"Nothing to explain: {where} agree with the references within noise."]
         ), False
-    lines += [sentence(found.plain)] if found.plain else wrong_parts(found.evidence)
+    lines += [sentence(found.plain)] if found.plain else wrong_parts(found.errors)
     return "\n".join([*lines, *guesses(told)]), True
 
 
@@ -140,7 +140,7 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] + "."
 
 
-def wrong_parts(found: list[Evidence]) -> list[str]:
+def wrong_parts(found: list[TileErrors]) -> list[str]:
     """Says which part of the light is wrong, in the scenes that are furthest off."""
     worst = sorted(found, key=lambda one: -one.size)[:MOST_SCENES]
     told = [(one.scene, parts.explain(one)) for one in worst]

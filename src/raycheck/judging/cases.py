@@ -9,6 +9,7 @@ import numpy as np
 
 from raycheck.base.errors import NotFound
 from raycheck.stats.verdict import Outcome
+from raycheck.truth.provenance import Provenance
 
 
 @dataclass(frozen=True)
@@ -47,16 +48,18 @@ class Case:
     late: bool = False
     """It FAILs because a picture took longer than it may."""
     looks: int = 1
-    """With fresh samples each; the last one's figures."""
+    """How often it was judged, each time with fresh samples; the figures are the last one's."""
     fingerprint: str = ""
-    """Of the reference, the settings and the renderer's first picture: a case that has it need not be judged
-    again.
+    """A digest of the reference, the settings and the renderer's first picture: a case that has it need not
+    be judged again.
     """
+    provenance: Provenance = field(default_factory=dict)
+    """The pictures that the verdict rests on, and METHOD of renders."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """All verdicts of a run, and what they were made with."""
+    """All verdicts of a run; the header says how they were made."""
 
     cases: list[Case]
     header: dict[str, Any] = field(default_factory=dict)
