@@ -1,5 +1,5 @@
-"""Mesh files as people's programs write them: one square in many spellings is one picture, and reading takes time in
-proportion to the file."""
+"""Mesh files as people's programs write them: one square in many spellings is one picture, and reading takes
+time in proportion to the file."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ LINE_ENDS = {"unix": b"\n", "windows": b"\r\n", "old-mac": b"\r"}
 def ply(
     vertices: str = "property float x\nproperty float y\nproperty float z\n", more: str = "", behind: str = ""
 ) -> str:
-    """The square in plain text; `more` goes into the header before the faces, `behind` follows each vertex."""
+    """The square in plain text; `more` goes into the header before the faces, `behind` after each vertex."""
     head = f"ply\nformat ascii 1.0\nelement vertex {len(POINTS)}\n{vertices}{more}"
     head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     return head + "".join(f"{point}{behind}\n" for point in POINTS) + "3 0 1 2\n3 0 2 3\n"
@@ -129,17 +129,18 @@ def test_normals_that_nobody_reads(oneray: Path, tmp_path: Path) -> None:
         path = scene(tmp_path / "smooth.xml", file)
         done = subprocess.run([oneray, path, "--stats", "-"], capture_output=True, text=True, check=False)
         vertex = 2 if "b" in file else 0
-        said = f"{tmp_path / file}:1: vertex {vertex} has a normal that is no number: mend it, or let the shape "
-        assert (done.returncode, done.stderr) == (2, said + "have face_normals\n")
+        said = f"{tmp_path / file}:1: vertex {vertex} has a normal that is no number: mend it, or "
+        assert (done.returncode, done.stderr) == (2, said + "let the shape have face_normals\n")
 
 
 @pytest.mark.parametrize("word", ["surf", "V", "1", "\x01v", "\N{NO-BREAK SPACE}v"])
 def test_what_might_show_does_not_vanish_silently(oneray: Path, tmp_path: Path, word: str) -> None:
-    """One line for a statement that is none, or that shows something elsewhere; it is no part of the one before."""
+    """One line for a statement that is none, or that shows something elsewhere; it is no part of the last."""
     (tmp_path / "a.obj").write_text(OBJ.replace("3 4", "3 4/") + f"{word} 1 2 3\n" * 3, encoding="utf-8")
     (tmp_path / "b.obj").write_text(OBJ)
     path = scene(tmp_path / "a.xml", "a.obj")
-    done = subprocess.run([oneray, path, "-o", tmp_path / "a.pfm", "--spp", "1"], capture_output=True, check=True)
+    words = [oneray, path, "-o", tmp_path / "a.pfm", "--spp", "1"]
+    done = subprocess.run(words, capture_output=True, check=True)
     shown = word if word.isascii() and word.isprintable() else ""
     said = f'{tmp_path}/a.obj:8: "{shown}" is not read (v, vt, vn and f are): such lines are left out\n'
     assert done.stderr.decode() == f"oneray: warning: {said}"
@@ -187,7 +188,7 @@ LARGE: dict[str, Callable[[int], str]] = {
 
 @pytest.mark.parametrize("name", LARGE)
 def test_reading_is_linear(oneray: Path, tmp_path: Path, name: str) -> None:
-    """Four times the file is read in less than ten times the time; what looks at all pairs takes sixteen times."""
+    """Four times the file is read in less than ten times the time; what looks at all pairs takes sixteen."""
     seconds = []
     for n in (N, 4 * N):
         (tmp_path / name).write_text(LARGE[name](n))

@@ -1,6 +1,7 @@
 """Files that are written as a whole or not at all, and folders that one process at a time works in."""
 
 import contextlib
+import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,8 +9,11 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Gives a path to write to, which takes the place of `path` at the end; or nothing is left of it."""
-    with tempfile.TemporaryDirectory(dir=path.absolute().parent, prefix=".writing-") as scratch:
+    """Gives a path to write to, which takes the place of `path` at the end; or nothing is left of it. A
+    symbolic link stays, and the file that it leads to is written, also where there is none yet.
+    """
+    path = Path(os.path.realpath(path))
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as scratch:
         partial = Path(scratch) / path.name
         yield partial
         partial.replace(path)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -18,6 +19,11 @@ def percent(value: float) -> str:
 
 def signed(value: float) -> str:
     return ("+" if value >= 0 else "−") + percent(value)
+
+
+def one_line(text: str) -> str:
+    """Control characters, and bytes of a file's name that are no text, as escapes."""
+    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]", lambda found: repr(found[0])[1:-1], text)
 
 
 def last_words(said: str) -> str:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from raycheck.base.images import Image
+from raycheck.base.images import Image, is_whole
 from raycheck.judging import diagnosis, sentences
 from raycheck.judging.evidence import Evidence
 from raycheck.judging.verdicts import Case
@@ -31,12 +31,11 @@ def told(
         )
     else:
         sentence = sentences.reason(found, regions, seconds, mistake)
-    if image.precision == "8-bit" and found.outcome is Outcome.PASS:
+    if is_whole(image.precision) and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
-        return (
-            found,
-            "8 bits cannot show that an image is right: no gross mistake was seen; write EXR or PFM to pass",
-        )
+        bits = image.precision.replace("-bit", " bits")
+        seen = "no gross mistake was seen; write EXR or PFM to pass"
+        return found, f"{bits} cannot show that an image is right: {seen}"
     if image.precision != "float":
         sentence += f"; the images are {image.precision}, so that biases below their rounding are not seen"
     return found, sentence
