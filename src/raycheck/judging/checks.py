@@ -41,10 +41,10 @@ def size_problem(image: Image, height: int, width: int, part: Window | None = No
     found = image.pixels.shape
     if found[:2] == (height, width) and image.window == part:
         return None
-    turned = ", width and height are swapped" if found[:2] == (width, height) and width != height else ""
-    is_part, asked_part = _place_of(image.window), _place_of(part)
-    size = f"{found[1]}×{found[0]} pixels{is_part}"
-    return f"the image is {size}, the scene asks for {width}×{height}{asked_part}{turned}"
+    turned = ", width and height are swapped" if found[:2] == (width, height) else ""
+    size = f"{found[1]}×{found[0]} pixels{_place_of(image.window)}"
+    asked = f"{width}×{height}{_place_of(part)}"
+    return f"the image is {size}, the scene asks for {asked}{turned if width != height else ''}"
 
 
 def _place_of(part: Window | None) -> str:
