@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import raycheck
 from raycheck.base.errors import ImageError
-from raycheck.base.images import Window, encode_srgb, find_images, load_image, write_exr, write_pfm
+from raycheck.base.images import Window, encode_srgb, find_images, load_image, write_exr, write_pfm, write_png
 from raycheck.cli import app
 from raycheck.truth import references
 
@@ -389,3 +389,31 @@ class TestLinks:
         (tmp_path / "lost.json").symlink_to("none/found.json")
         done = command("compare", a, a, "--json", tmp_path / "lost.json")
         assert done.returncode == 2 and done.stderr.startswith(f"raycheck: {tmp_path}/lost.json: there is no")
+
+
+class TestDamaged:
+    """Bytes that were lost or changed: an image, or one line that names the file."""
+
+    @pytest.mark.parametrize("kind", ["exr", "parts.exr", "pfm", "png"])
+    def test_bytes(self, tmp_path: Path, kind: str) -> None:
+        whole, path = tmp_path / f"whole.{kind}", tmp_path / f"damaged.{kind}"
+        if kind == "exr":
+            write_exr(whole, channels(0.5) | channels(0.1, "stderr.") | channels(0.2, "albedo."))
+        elif kind == "pfm":
+            write_pfm(whole, constant(0.5))
+        elif kind == "png":
+            write_png(whole, np.full((*SIZE, 3), 128, np.uint8))
+        else:
+            write_parts(whole, [("a", channels(0.5)), ("b", channels(0.25))])
+        random, refused = np.random.default_rng(7), 0
+        for number in range(200):
+            content = bytearray(whole.read_bytes())
+            for _ in range(random.integers(1, 5)):
+                content[random.integers(0, min(len(content), 900))] = random.integers(0, 256)
+            path.write_bytes(content[: random.integers(0, len(content))] if number % 5 == 0 else content)
+            try:
+                assert load_image(path).pixels.ndim == 3
+            except ImageError as error:
+                refused += 1
+                assert str(error).startswith(f"{path}: ") and "\n" not in str(error)
+        assert refused >= 40

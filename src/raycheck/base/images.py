@@ -80,7 +80,10 @@ def load_image(path: Path | str) -> Image:
         if layer:
             raise ImageError(f"{path}: a PFM has no layer {layer}")
         return Image(_read_pfm(path))
-    return _read_oiio(path, layer)
+    try:
+        return _read_oiio(path, layer)
+    except UnicodeDecodeError:  # of a name in it, or in what OpenImageIO says of it
+        raise ImageError(f"{path}: not an image that can be read: a text in it is not UTF-8") from None
 
 
 def _split(path: Path) -> tuple[Path, str]:
