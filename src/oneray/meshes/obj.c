@@ -199,6 +199,7 @@ void obj_read(Source *source, Mesh *mesh)
     if (with_normal && with_normal < obj.corner_count)
         fail(source, "%d of %d vertices have no normal: all or none must have one",
             obj.corner_count - with_normal, obj.corner_count);
+    free(obj.vertices); /* before the mesh takes its room */
     mesh->vertex_count = obj.corner_count;
     mesh->vertex = allocate((size_t)obj.corner_count, sizeof *mesh->vertex);
     if (with_normal)
@@ -217,5 +218,4 @@ void obj_read(Source *source, Mesh *mesh)
     free(obj.textures);
     free(obj.normals);
     free(obj.corners);
-    free(obj.vertices);
 }
