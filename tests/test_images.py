@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import raycheck
+from raycheck.base import files
 from raycheck.base.errors import ImageError
 from raycheck.base.images import Window, encode_srgb, find_images, load_image, write_exr, write_pfm, write_png
 from raycheck.cli import app
@@ -386,6 +387,11 @@ class TestLinks:
         assert command("compare", a, a, "--json", tmp_path / "link.json").returncode == 0
         assert (tmp_path / "link.json").is_symlink() and (tmp_path / "away/found.json").is_file()
         assert [p.name for p in (tmp_path / "away").iterdir()] == ["found.json"]
+        (tmp_path / "pages").symlink_to("away/pages/of")
+        assert files.made_folder(tmp_path / "pages") == tmp_path / "away/pages/of"
+        assert (tmp_path / "pages").is_dir() and (tmp_path / "pages").is_symlink()
+        done = command("report", "--seconds", "0", "-o", a)
+        assert (done.returncode, done.stderr) == (2, f"raycheck: {a}: cannot be a folder: File exists\n")
         (tmp_path / "lost.json").symlink_to("none/found.json")
         done = command("compare", a, a, "--json", tmp_path / "lost.json")
         assert done.returncode == 2 and done.stderr.startswith(f"raycheck: {tmp_path}/lost.json: there is no")

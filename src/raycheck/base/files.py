@@ -6,6 +6,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from raycheck.base.errors import NotFound
+
 
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
@@ -17,6 +19,16 @@ def whole(path: Path) -> Iterator[Path]:
         partial = Path(scratch) / path.name
         yield partial
         partial.replace(path)
+
+
+def made_folder(path: Path) -> Path:
+    """The folder, made where it is not there, also behind a symbolic link; NotFound where it cannot be."""
+    real = Path(os.path.realpath(path))
+    try:
+        real.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise NotFound(f"{path}: cannot be a folder: {error.strerror}") from None
+    return real
 
 
 def write_whole(path: Path, text: str) -> None:
