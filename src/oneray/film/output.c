@@ -15,15 +15,31 @@ void output_failed(const char *file)
     die("%s: cannot be written: %s", file, strerror(errno ? errno : EIO));
 }
 
-/* The file that a symbolic link leads to, else the name as it is. */
+/* The file that a symbolic link leads to, also where there is none yet; else the name as it is. */
 static void target_of(const char *file, char target[OUTPUT_NAME])
 {
+    enum { MOST_LINKS = 40 };
     struct stat status;
-    char *real = lstat(file, &status) == 0 && S_ISLNK(status.st_mode) ? realpath(file, NULL) : NULL;
-    if (strlen(real ? real : file) >= OUTPUT_NAME)
-        die("%s: the file name is too long", file);
-    strcpy(target, real ? real : file);
-    free(real);
+    char link[OUTPUT_NAME];
+    size_t length = strlen(file), folder = 0;
+    const char *name = file;
+    for (int links = 0;; links++) {
+        if (folder + length >= OUTPUT_NAME)
+            die("%s: the file name is too long", file);
+        memcpy(target + folder, name, length + 1);
+        if (lstat(target, &status) || !S_ISLNK(status.st_mode))
+            return;
+        ssize_t got = links < MOST_LINKS ? readlink(target, link, sizeof link - 1) : -1;
+        if (got < 0) {
+            errno = links < MOST_LINKS ? errno : ELOOP;
+            output_failed(file);
+        }
+        link[length = (size_t)got] = '\0';
+        name = link;
+        /* What does not begin at the root begins in the link's folder. */
+        const char *slash = link[0] == '/' ? NULL : strrchr(target, '/');
+        folder = slash ? (size_t)(slash - target) + 1 : 0;
+    }
 }
 
 void output_name(const char *file, char temporary[OUTPUT_NAME])

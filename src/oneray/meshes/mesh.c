@@ -5,9 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-bool find_text_number(Source *source, double *value)
+void skip_mark(Source *source)
+{
+    if (!strncmp(source->at, "\xef\xbb\xbf", 3))
+        source->at += 3;
+    else if (!strncmp(source->at, "\xff\xfe", 2) || !strncmp(source->at, "\xfe\xff", 2))
+        fail(source, "the file is UTF-16: UTF-8 is wanted");
+}
+
+size_t word_length(const Source *source)
 {
     size_t length = strcspn(source->at, " \t\r\n");
+    return length - (length && source->at[length - 1] == '\\' && strchr("\r\n", source->at[length]));
+}
+
+int printable(const char *word, size_t length)
+{
+    int count = 0;
+    while ((size_t)count < length && count < 40 && isprint((unsigned char)word[count]))
+        count++;
+    return count;
+}
+
+bool find_text_number(Source *source, double *value)
+{
+    size_t length = word_length(source);
     if (!length || !is_number(source->at, length, value) || !(fabs(*value) <= (double)FLT_MAX))
         return false;
     source->at += length;
@@ -19,12 +41,11 @@ double read_text_number(Source *source, const char *of)
     double value;
     if (find_text_number(source, &value))
         return value;
-    size_t length = strcspn(source->at, " \t\r\n"), printable = 0;
+    size_t length = word_length(source);
     if (!length)
         fail(source, "the %s is missing: a number is wanted", of);
-    while (printable < length && printable < 40 && isprint((unsigned char)source->at[printable]))
-        printable++;
-    fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)printable, source->at, of, (double)FLT_MAX);
+    fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", printable(source->at, length), source->at,
+        of, (double)FLT_MAX);
 }
 
 /* Normals go by the inverse transpose, whose columns are the cross products of the matrix's. */
@@ -85,6 +106,18 @@ static void leave_out_flat(Mesh *mesh, const char *file)
     mesh->triangle_count = kept;
 }
 
+static void check_normals(const Mesh *mesh, const char *file)
+{
+    for (int t = 0; t < mesh->triangle_count; t++)
+        for (int k = 0; k < 3; k++) {
+            int v = mesh->triangle[t][k];
+            if (!(length(mesh->normal[v]) <= DBL_MAX))
+                die_at(file, 1,
+                    "vertex %d has a normal that is no number: mend it, or let the shape have face_normals",
+                    v);
+        }
+}
+
 static void reverse(Mesh *mesh, int t)
 {
     int32_t *corner = mesh->triangle[t], second = corner[1];
@@ -119,7 +152,9 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
     }
     to_the_world(mesh, to_world);
     leave_out_flat(mesh, file);
-    if (!face_normals && !mesh->normal)
+    if (mesh->normal)
+        check_normals(mesh, file);
+    else if (!face_normals)
         compute_normals(mesh);
     for (int t = 0; flip_normals && t < mesh->triangle_count; t++)
         reverse(mesh, t);

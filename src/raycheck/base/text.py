@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,11 @@ def percent(value: float) -> str:
 
 def signed(value: float) -> str:
     return ("+" if value >= 0 else "−") + percent(value)
+
+
+def one_line(text: str) -> str:
+    """Control characters, and bytes of a file's name that are no text, as escapes."""
+    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]", lambda found: repr(found[0])[1:-1], text)
 
 
 def last_words(said: str) -> str:

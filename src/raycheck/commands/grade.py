@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 
 from raycheck.base.errors import NotFound
+from raycheck.base.files import made_folder
 from raycheck.commands.grade_check import check_assignment
 from raycheck.commands.support import COLOURS, make_console, make_table, plain_errors
 from raycheck.grading import course
@@ -114,7 +115,7 @@ def grade(
         by_hand = tables.read_overrides(overrides, asked, students) if overrides else {}
         pool = pools.chosen(jobs, dask)
         grader = Grader.prepare(asked, _tier(no_sandbox, dask))
-        out.mkdir(parents=True, exist_ok=True)
+        made_folder(out)
         progress = Console(stderr=True)
 
         def on_result(result: StudentResult) -> None:

@@ -24,7 +24,10 @@ RendererCommand = Annotated[
     typer.Option(metavar="CMD", help="This command, with {output} and where it can {scene} {spp} {seed}."),
 ]
 Pictures = Annotated[
-    str | None, typer.Option(metavar="GLOB", help="Judge pictures of one SCENE that are already rendered.")
+    str | None,
+    typer.Option(
+        metavar="GLOB[:LAYER]", help="Judge pictures of one SCENE that are already rendered, or their LAYER."
+    ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")]
 JunitFile = Annotated[

@@ -82,7 +82,8 @@ def _make_references(wanted: list[variants.Variant], by: Maker, goal: making.Goa
         checked = references.closed_form(of) is not None
         plan = making.make_plan(renderer, goal, checked)
         work.append((of, renderer, plan))
-        console.print(f"{of.label}: {plan.spp} samples per pixel, about {duration(plan.seconds)}")
+        line = f"{of.label}: {plan.spp} samples per pixel, about {duration(plan.seconds)}"
+        console.print(line, markup=False, soft_wrap=True)
     total = sum(plan.seconds for _, _, plan in work)
     console.print(f"about {duration(total)} in all")
     batches = sum(plan.spp // goal.spp_per_batch for _, _, plan in work)
@@ -96,5 +97,6 @@ def _make_references(wanted: list[variants.Variant], by: Maker, goal: making.Goa
                 f"{percent(entry['image_error'])} of the image and "
                 f"{percent(entry['tile_error_p90'])} of nine tenths of the tiles: "
                 f"{of.folder / of.label}.exr",
+                markup=False,
                 soft_wrap=True,
             )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from raycheck.base.files import write_whole
+from raycheck.base.files import made_folder, write_whole
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.commands import options
 from raycheck.commands.support import (
@@ -54,6 +54,7 @@ def report(
     with plain_errors():
         wanted = [variants.variant(scene) for scene in scenes or ()]
         check_inputs(verification, benchmark, stability)
+        made_folder(output)
         if seconds > 0:
             field = _Field(against is not None, named_commands(renderer or ()), technique or ())
             races: Races | None = _races(wanted, field, seconds, minutes, rounds, core, output)

@@ -1,11 +1,12 @@
 """What the commands share: errors in one line, the terminal, a bar that shows how far a long run is."""
 
+import os
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import typer
 from rich.console import Console
@@ -13,11 +14,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from raycheck.base.errors import ImageError, NotFound, PatchError, ReferenceError_, RenderError
+from raycheck.base.text import one_line
 
 
 def make_console() -> Console:
     """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
-    return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
+    options: dict[str, Any] = {} if sys.stdout.isatty() else {"width": 140, "color_system": None}
+    return Console(emoji=False, **options)
 
 
 def make_table(columns: Iterable[str], right: Iterable[str] = (), wrap: bool = True) -> Table:
@@ -34,7 +37,7 @@ def plain_errors() -> Iterator[None]:
     try:
         yield
     except (NotFound, ReferenceError_, ImageError, RenderError, PatchError) as error:
-        typer.echo(f"raycheck: {error}", err=True)
+        typer.echo(one_line(f"raycheck: {error}"), err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
         typer.echo("raycheck: interrupted", err=True)
@@ -52,7 +55,7 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
 
 def writable(path: Path | None) -> None:
     """Say before a long run, not after it, that its result cannot be written."""
-    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+    if path is not None and (path.is_dir() or not Path(os.path.realpath(path)).parent.is_dir()):
         typer.echo(f"raycheck: {path}: there is no such folder, or it is one", err=True)
         raise typer.Exit(2)
 

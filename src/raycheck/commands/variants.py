@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from raycheck.base.errors import NotFound
+from raycheck.base.files import made_folder
 from raycheck.commands.options import Assigned
 from raycheck.commands.support import plain_errors
 from raycheck.grading import course
@@ -36,6 +37,7 @@ def variants(
         if not tasks:
             raise NotFound(f'{assignment}: no task says accepts = "pictures"')
         keys = read_keys(asked.path, asked.name)
+        made_folder(output)
         for name in names:
             for task in tasks:
                 index = pool_index(asked.scene(task.scenes[0]), name, task.variants, keys)

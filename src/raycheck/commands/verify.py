@@ -4,10 +4,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import typer
+from rich.markup import escape
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
-from raycheck.base.text import duration, percent, signed
+from raycheck.base.text import duration, one_line, percent, signed
 from raycheck.commands import options
 from raycheck.commands.support import (
     COLOURS,
@@ -76,16 +77,20 @@ def show(result: Verification) -> None:
     figures = ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds")
     table = make_table(("scene", "technique", "verdict", *figures), right=figures, wrap=False)
     for case in result.cases:
-        table.add_row(case.scene, case.technique, f"[{COLOURS[case.verdict]}]{case.verdict}[/]", *_row(case))
+        verdict = f"[{COLOURS[case.verdict]}]{case.verdict}[/]"
+        table.add_row(escape(case.scene), case.technique, verdict, *_row(case))
     console.print(table)
     for case in result.cases:
         if case.verdict is not Outcome.PASS:
             console.print()
             console.print(
-                f"{case.scene}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
+                f"{escape(case.scene)}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
             )
             console.print(
-                case.reason[:1].upper() + case.reason[1:] + ".", markup=False, highlight=False, soft_wrap=True
+                one_line(case.reason[:1].upper() + case.reason[1:] + "."),
+                markup=False,
+                highlight=False,
+                soft_wrap=True,
             )
     totals = result.header.get("totals", {})
     counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
@@ -95,7 +100,7 @@ def show(result: Verification) -> None:
         sentence += f"; a bias of {percent(max(seen))} of the image mean would have been noticed everywhere"
     console.print()
     console.print(sentence + ".", highlight=False)
-    console.print(_judged_against(result.cases), highlight=False, soft_wrap=True)
+    console.print(_judged_against(result.cases), highlight=False, markup=False, soft_wrap=True)
     for line in sentences.left_out(result.header.get("left_out", {})):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 

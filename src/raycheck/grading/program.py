@@ -10,6 +10,7 @@ from typing import Protocol
 
 from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
+from raycheck.base.processes import windows_lines
 from raycheck.base.text import last_words
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
@@ -167,7 +168,7 @@ class Program(Taken, TakesPlaceholders):
                 raise RenderTimeout(OVER)
             if done.problem:
                 kind = RenderLate if done.late else RenderError
-                raise kind(f"no picture (seed {seed}): {done.problem}")
+                raise kind(f"no picture (seed {seed}): {done.problem}{windows_lines(words, self.folder)}")
             image = take_picture(
                 output, private, limits.output_mb << 20, self.size, self.decoder, last_words(done.said)
             )
@@ -182,4 +183,6 @@ def build(jail: Jail, folder: Path, command: str) -> str:
         return ""
     words = ["/bin/sh", "-c", command]
     done = jail.run(words, seconds=jail.limits.build_seconds, folder=folder, writable=True)
-    return f"the build failed: {done.problem}" if done.problem else ""
+    if not done.problem:
+        return ""
+    return f"the build failed: {done.problem}{windows_lines(command.split(), folder)}"

@@ -78,6 +78,7 @@ def oneray_agenda(
         chosen = [technique(name) for name in techniques]
     except KeyError as error:
         raise NotFound(error.args[0]) from None
+    _require_rendered(oneray, scenes)
     agenda = Agenda()
     pairs = []
     found = False
@@ -107,6 +108,25 @@ def oneray_agenda(
         command = oneray_command(oneray, one.options, of.parameters)
         agenda.tasks.append(Task(of, one.name, command, of.path))
     return agenda
+
+
+def _require_rendered(oneray: Path, scenes: Sequence[Variant]) -> None:
+    """NotFound, once for a scene whatever is asked of it, with what oneray says where it renders no pixel."""
+    refused = []
+    for of in scenes:
+        if of.canonical and not of.parameters:
+            continue
+        command = oneray_command(oneray, ("--crop", "0,0,1,1"), of.parameters)
+        with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
+            words = command.arguments(of.path, Path(folder) / "out.exr", 1, 1)
+            done = subprocess.run(
+                words, capture_output=True, text=True, errors="surrogateescape", check=False
+            )
+        if done.returncode == 2:
+            lines = [line for line in done.stderr.splitlines() if not line.startswith("oneray: warning: ")]
+            refused.append(f"oneray cannot render {of.label}: {'; '.join(lines)}")
+    if refused:
+        raise NotFound("; ".join(refused))
 
 
 def renderer_agenda(

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.images import Image, decode_srgb
+from raycheck.base.images import Image, Window, decode_srgb
 from raycheck.base.text import percent
 from raycheck.stats.tiles import Tile, grid, region_means, region_variances
 from raycheck.truth.expected import Truth
@@ -36,12 +36,19 @@ FEWER_NOISY = 0.5
 """Variance of a sample over the reference's, below which samples that are too dark look clamped."""
 
 
-def size_problem(image: Image, height: int, width: int) -> str | None:
+def size_problem(image: Image, height: int, width: int, part: Window | None = None) -> str | None:
+    """Other pixels than those of an image of that size, or than that part of a larger one."""
     found = image.pixels.shape
-    if found[:2] == (height, width):
+    if found[:2] == (height, width) and image.window == part:
         return None
     turned = ", width and height are swapped" if found[:2] == (width, height) else ""
-    return f"the image is {found[1]}×{found[0]} pixels, the scene asks for {width}×{height}{turned}"
+    size = f"{found[1]}×{found[0]} pixels{_place_of(image.window)}"
+    asked = f"{width}×{height}{_place_of(part)}"
+    return f"the image is {size}, the scene asks for {asked}{turned if width != height else ''}"
+
+
+def _place_of(part: Window | None) -> str:
+    return f" at column {part.x}, row {part.y} of {part.width}×{part.height}" if part else ""
 
 
 def number_problem(image: Image) -> str | None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from raycheck.base.arrays import Array
+from raycheck.base.images import is_whole
 from raycheck.judging import diagnosis, sentences
 from raycheck.judging.cases import Case
 from raycheck.judging.tile_errors import tile_errors
@@ -32,12 +33,11 @@ def conclude(
         sentence += sentences.suspicion(suspects)
     else:
         sentence = sentences.reason(found, regions, seconds, mistake)
-    if precision == "8-bit" and found.outcome is Outcome.PASS:
+    if is_whole(precision) and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
-        return (
-            found,
-            "8 bits cannot show that an image is right: no gross mistake was seen; write EXR or PFM to pass",
-        )
+        bits = precision.replace("-bit", " bits")
+        seen = "no gross mistake was seen; write EXR or PFM to pass"
+        return found, f"{bits} cannot show that an image is right: {seen}"
     if precision != "float":
         sentence += f"; the images are {precision}, so that biases below their rounding are not seen"
     return found, sentence

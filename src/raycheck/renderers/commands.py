@@ -12,7 +12,7 @@ from pathlib import Path
 
 from raycheck.base.errors import ImageError, NotFound, RenderError, RenderTimeout
 from raycheck.base.images import load_image
-from raycheck.base.processes import end, signal_name
+from raycheck.base.processes import end, signal_name, windows_lines
 from raycheck.base.text import last_words
 from raycheck.renderers.renderer import Rendering
 
@@ -115,7 +115,8 @@ def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
                 start_new_session=os.name == "posix",
             )  # fmt: skip
         except OSError as error:
-            raise NotFound(f"{words[0]}: cannot be started: {error.strerror or error}") from None
+            why = f"{error.strerror or error}{windows_lines(words)}"
+            raise NotFound(f"{words[0]}: cannot be started: {why}") from None
         late = threading.Event()
 
         def end_late() -> None:
@@ -138,7 +139,7 @@ def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
     if status < 0:
         raise RenderError(f"ended by signal {signal_name(-status)}{_last_lines(messages)}")
     if status:
-        raise RenderError(f"exit status {status}{_last_lines(messages)}")
+        raise RenderError(f"exit status {status}{_last_lines(messages)}{windows_lines(words)}")
 
 
 def _last_lines(messages: Path) -> str:

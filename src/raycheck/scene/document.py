@@ -12,6 +12,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from xml.parsers import expat
 
 from raycheck.base.errors import ReferenceError_
 
@@ -57,7 +58,7 @@ class Document:
         """A copy that names its meshes as `place` says."""
         root = copy.deepcopy(self.root)
         for element, name in list(self._meshes(root)):
-            element.set("value", place(self.path.parent / name))
+            element.set("value", place(self.path.parent / name).replace("$", "\\$"))
         return root
 
     def _meshes(self, root: Element) -> Iterator[tuple[Element, str]]:
@@ -90,6 +91,18 @@ def read(path: Path, parameters: Mapping[str, str] | None = None, *, comments: b
         if name not in names:
             raise ReferenceError_(f"{path.stem} has no parameter {name} ({', '.join(names) or 'none'})")
     return Document(path, root, included)
+
+
+def comments(path: Path) -> list[str]:
+    """The texts of all comments, also of those around the scene."""
+    found: list[str] = []
+    parser = expat.ParserCreate()
+    parser.CommentHandler = found.append
+    try:
+        parser.Parse(path.read_bytes(), True)
+    except expat.ExpatError as error:
+        raise ReferenceError_(f"{path}: {error}") from None
+    return found
 
 
 def write(root: Element, path: Path) -> None:
