@@ -9,6 +9,7 @@ folder of the scene file.
 import copy
 import re
 import xml.etree.ElementTree as ElementTree
+import xml.parsers.expat as expat
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,19 @@ from pathlib import Path
 from raycheck.base.errors import ReferenceError_
 
 Element = ElementTree.Element
+
+
+class _Placed(Element):
+    """An element that knows where it stands."""
+
+    place = ""
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "_Placed":
+        twin = _Placed(self.tag, dict(self.attrib))
+        twin.text, twin.tail, twin.place = self.text, self.tail, self.place
+        twin.extend(copy.deepcopy(child, memo) for child in self)
+        return twin
+
 
 MOST_INCLUDED = 64
 """Files that a scene may include: one that includes itself would have no end."""
@@ -71,7 +85,7 @@ class Document:
         for element in root.iter():
             yield element, known
             if element.tag == "default":
-                known[element.attrib["name"]] = _filled(element.attrib["value"], known, self.path)
+                known.setdefault(element.attrib["name"], _filled(element.attrib["value"], known, self.path))
 
 
 def read(path: Path, parameters: Mapping[str, str] | None = None, *, comments: bool = False) -> Document:
@@ -82,7 +96,7 @@ def read(path: Path, parameters: Mapping[str, str] | None = None, *, comments: b
     for default in root.iter("default"):
         for key in ("name", "value"):
             if key not in default.attrib:
-                raise ReferenceError_(f'{path}: a default lacks its attribute "{key}"')
+                raise ReferenceError_(f'{place(default)}: a default lacks its attribute "{key}"')
         names.append(default.attrib["name"])
         if parameters and names[-1] in parameters:  # what is given is taken as it is
             default.set("value", parameters[names[-1]].replace("$", "\\$"))
@@ -102,14 +116,36 @@ def text(root: Element) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def place(element: Element) -> str:
+    """FILE:LINE where it stands, for a message."""
+    return str(getattr(element, "place", ""))
+
+
 def _parsed(path: Path, comments: bool) -> Element:
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=comments))
+    builder = ElementTree.TreeBuilder(element_factory=_Placed, insert_comments=comments)
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = builder.start(tag, attributes)
+        assert isinstance(element, _Placed)
+        element.place = f"{path}:{parser.CurrentLineNumber}"
+
+    def doctype(*_: object) -> None:
+        raise ReferenceError_(f"{path}:{parser.CurrentLineNumber}: a DOCTYPE is not supported")
+
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, builder.end
+    parser.CharacterDataHandler, parser.CommentHandler = builder.data, builder.comment
+    parser.StartDoctypeDeclHandler = doctype
     try:
-        return ElementTree.parse(path, parser).getroot()
+        parser.Parse(path.read_bytes(), True)
+    except ReferenceError_:
+        raise
     except OSError as error:
         raise ReferenceError_(f"{path}: {error.strerror}") from None
-    except ElementTree.ParseError as error:
+    except (expat.ExpatError, ValueError) as error:
         raise ReferenceError_(f"{path}: {error}") from None
+    return builder.close()
 
 
 def _include(root: Element, path: Path, known: dict[str, str]) -> Iterator[str]:
