@@ -177,9 +177,7 @@ def write_signatures(work: Path, wanted: Sequence[Mutant]) -> Path:
     listing = {
         "mistakes": {
             m.name: {
-                "technique": m.technique,
-                "mistake": m.mistake,
-                "symptom": m.symptom,
+                "technique": m.technique, "mistake": m.mistake, "symptom": m.symptom,
                 "payload": payloads.of_mutant(m),
             }
             for m in mistakes

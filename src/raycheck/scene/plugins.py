@@ -26,7 +26,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def fail(element: Element, message: str) -> NoReturn:
-    raise ReferenceError_(f"{place(element)}: {message}")
+    """One line."""
+    raise ReferenceError_(re.sub(r"[\x00-\x1f\x7f]", " ", f"{place(element)}: {message}"))
 
 
 def described(element: Element) -> str:
