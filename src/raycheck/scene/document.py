@@ -60,24 +60,26 @@ class Document:
         return root
 
     def names(self) -> list[str]:
-        """The names of files that it needs besides itself: what it includes, then meshes in their order."""
-        return [*self.included, *(name for _, name in self._meshes(self.root))]
+        """The names of files that it needs besides itself: what it includes, then others in their order."""
+        return [*self.included, *(name for _, _, name in self._named(self.root))]
 
     def files(self) -> list[Path]:
         """Where the files that it needs are."""
         return [self.path.parent / name for name in self.names()]
 
     def moved(self, place: Callable[[Path], str]) -> Element:
-        """A copy that names its meshes as `place` says."""
+        """A copy that names its files as `place` says."""
         root = copy.deepcopy(self.root)
-        for element, name in list(self._meshes(root)):
-            element.set("value", place(self.path.parent / name))
+        for element, key, name in list(self._named(root)):
+            element.set(key, place(self.path.parent / name))
         return root
 
-    def _meshes(self, root: Element) -> Iterator[tuple[Element, str]]:
+    def _named(self, root: Element) -> Iterator[tuple[Element, str, str]]:
+        """The elements that name files: meshes, pictures, spectra; the attribute that does, and the name."""
         for element, known in self._walk(root):
-            if element.tag == "string" and element.get("name") == "filename":
-                yield element, _filled(element.get("value", ""), known, self.path)
+            key = "value" if element.tag == "string" and element.get("name") == "filename" else "filename"
+            if key in element.attrib:
+                yield element, key, _filled(element.attrib[key], known, self.path)
 
     def _walk(self, root: Element) -> Iterator[tuple[Element, dict[str, str]]]:
         """The elements in their order, with the values of the $names that hold there."""
