@@ -3,7 +3,8 @@
 The JSON has a schema, `scene.schema.json`. Rectangles, and the six faces of a cube, are parallelograms
 p = corner + s edge_u + t edge_v with 0 ≤ s, t ≤ 1; meshes are triangles. A primitive shines along `normal`
 only, and reflects there only unless its material is `two_sided`; a sphere's normal points outwards unless
-`inward`. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m².
+`inward`. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m². Camera
+rays meet what is between `near_clip` and `far_clip` deep along the view.
 """
 
 import json
@@ -30,7 +31,9 @@ _FACES = [
 
 
 def export(of: Variant) -> dict[str, Any]:
-    """The scene as plain data that the schema describes; ReferenceError_ where a mesh cannot be read."""
+    """The scene as plain data that the schema describes; ReferenceError_ where it, or a mesh, says something
+    that the data could not.
+    """
     scene = read_scene(of.path, of.parameters)
     materials: list[Material] = []
     primitives: list[dict[str, Any]] = []
