@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -158,6 +158,11 @@ def test_the_time_that_it_may_take_counts_from_the_start() -> None:
     late = making.make_plan(renderer, goal, began=time.perf_counter() - 5)
     assert 200 * 256 < late.spp < 600 * 256
     assert making.make_plan(renderer, goal, began=time.perf_counter() - 30).spp == 8 * 256
+    few = making.Goal(small_batches=16, min_batches=8, image=1e-4, tile=1.0)
+    plan = making.make_plan(renderer, few)
+    assert 8 * 256 < plan.spp < 100 * 256
+    short = replace(few, most_seconds=10 * plan.seconds)
+    assert making.make_plan(renderer, short, began=time.perf_counter() - short.most_seconds).spp == 8 * 256
 
 
 # ---- what another version changes

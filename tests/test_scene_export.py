@@ -97,6 +97,20 @@ def test_normals_that_a_mesh_lacks_are_made_where_it_stands(tmp_path: Path) -> N
             assert np.ravel(one[name]) == pytest.approx(np.ravel(other[name]), abs=1e-5)
 
 
+def test_such_normals_go_by_angles(tmp_path: Path) -> None:
+    """A cube's corners are all alike, however its sides are cut into triangles."""
+    corners = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1))
+    sides = ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
+    (tmp_path / "cube.obj").write_text(corners + "".join(f"f {side}\n" for side in sides), encoding="utf-8")
+    shape = '<shape type="obj"><string name="filename" value="cube.obj"/></shape>'
+    (tmp_path / "mesh.xml").write_text(BASE.replace("<!-- here -->", shape), encoding="utf-8")
+    faces = export.export(variants.Variant(tmp_path / "mesh.xml"))["primitives"][2:]
+    assert len(faces) == 12
+    for face in faces:
+        outwards = (2 * np.array(face["vertices"]) - 1) / np.sqrt(3)
+        assert np.array(face["vertex_normals"]) == pytest.approx(outwards)
+
+
 # ---- what is exported is what oneray renders
 
 
@@ -193,7 +207,9 @@ RENDERED = {
         '<float name="alpha_u" value=".4"/><float name="alpha_v" value=".4"/>'
         '<boolean name="sample_visible" value="false"/></bsdf>'
     ),
-    "a-lamp-is-black": BASE.replace('value="0.5, 0.6, 0.9"', 'value="4, 4, 9"'),
+    "a-lamp-is-black": BASE.replace('value="0.5, 0.6, 0.9"', 'value="4, 4, 9"').replace(
+        'x="2" y="3" z="2"', 'x="0.5" y="1" z="3"'
+    ),
     "blend-by-reference": with_ball(
         '<bsdf type="blendbsdf"><float name="weight" value=".3"/><ref id="red"/><bsdf type="diffuse"/></bsdf>'
     ),
@@ -211,7 +227,7 @@ RENDERED = {
         '<bsdf type="blendbsdf"><float name="weight" value=".6"/><ref id="red"/><bsdf type="dielectric">'
         '<float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf></bsdf>'
     ),
-    "no-up": with_ball("").replace(', 0" up="0, 1, 0"/>', ', 0"/>'),
+    "no-up": with_ball("").replace(CAMERA, '<lookat origin="3, 1, 5" target="0, 0, 0"/>'),
     "numbers-with-a-default": with_ball('<bsdf type="diffuse"><rgb name="reflectance" value="$b"/></bsdf>')
     .replace("<sensor", '<default name="a" value=".1"/><default name="b" value="$a, .9 $a"/><sensor'),
     "clipped": with_ball("").replace(
@@ -385,9 +401,11 @@ def test_no_mesh_ends_in_a_traceback(name: str, tmp_path: Path) -> None:
     shape = f'<shape type="{kind}"><string name="filename" value="{name}"/></shape>'
     scene.write_text(BASE.replace("<!-- here -->", shape), encoding="utf-8")
     try:
-        SCHEMA.validate(json.loads(export.to_json(export.export(variants.Variant(scene)))))
+        data = export.to_json(export.export(variants.Variant(scene)))
     except ReferenceError_ as told:
         assert str(tmp_path / name) in str(told)
+    else:
+        SCHEMA.validate(json.loads(data, parse_constant=pytest.fail))
 
 
 def test_a_byte_order_mark_hides_no_vertex(tmp_path: Path) -> None:
