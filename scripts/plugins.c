@@ -3,9 +3,15 @@
 #include "scene/values.c"
 #include "scene/xml.c"
 
-static const char *const kind_names[] = {
-    [AS_FLOAT] = "float", [AS_IOR] = "ior", [AS_COLOUR] = "colour", [AS_VECTOR] = "vector", [AS_INTEGER] = "integer",
-    [AS_BOOLEAN] = "boolean", [AS_STRING] = "string", [AS_WORD] = "word", [AS_TRANSFORM] = "transform",
+static const char *const kind_names[] = {[AS_FLOAT] = "float",
+    [AS_IOR] = "ior",
+    [AS_COLOUR] = "colour",
+    [AS_VECTOR] = "vector",
+    [AS_INTEGER] = "integer",
+    [AS_BOOLEAN] = "boolean",
+    [AS_STRING] = "string",
+    [AS_WORD] = "word",
+    [AS_TRANSFORM] = "transform",
     [AS_FILE] = "file"};
 typedef char every_kind_has_a_name[COUNT(kind_names) == COUNT(kinds) ? 1 : -1];
 
@@ -21,7 +27,7 @@ static void print_plugin(const char *element, const Plugin *plugin)
     printf("{\"plugin\": \"%s\", \"types\": \"%s\", \"fields\": [", element, plugin->types);
     for (const Field *field = plugin->fields; field->name; field++) {
         printf("%s{\"name\": \"%s\", \"kind\": \"%s\"", field == plugin->fields ? "" : ", ", field->name,
-               kind_names[field->kind]);
+            kind_names[field->kind]);
         print_text("range", field->range);
         print_text("default", field->otherwise);
         printf(", \"one_value\": %s}", field->offset == NOWHERE ? "true" : "false");
@@ -32,8 +38,8 @@ static void print_plugin(const char *element, const Plugin *plugin)
 int main(void)
 {
     for (int i = 0; i < COUNT(tags); i++)
-        printf("{\"tags\": \"%s\", \"attributes\": \"%s\", \"needed\": %d}\n", tags[i].elements, tags[i].attributes,
-               tags[i].needed);
+        printf("{\"tags\": \"%s\", \"attributes\": \"%s\", \"needed\": %d}\n", tags[i].elements,
+            tags[i].attributes, tags[i].needed);
     for (int i = 0; i < COUNT(kinds); i++)
         printf("{\"kind\": \"%s\", \"elements\": \"%s\"}\n", kind_names[i], kinds[i].elements);
     for (int i = 0; i < COUNT(mediums); i++)

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import ReferenceError_
 from raycheck.scene import document
 from raycheck.scene.document import Element
 from raycheck.scene.plugins import Said, check_attributes, children, described, fail, only, uniform_scale
@@ -151,8 +150,10 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
     _check_root(root)
     materials = _Materials(root)
     integrator, sensor = only(root, "integrator"), only(root, "sensor")
-    if integrator is None or sensor is None:
-        raise ReferenceError_(f"{path}: no {'integrator' if integrator is None else 'sensor'}")
+    if integrator is None:
+        fail(root, '<scene> needs an <integrator type="path"> with its max_depth')
+    if sensor is None:
+        fail(root, '<scene> needs a <sensor type="perspective">')
     with Said(integrator) as said:
         max_depth, roulette_depth = said.integer("max_depth"), said.integer("rr_depth")
         hide_emitters = said.flag("hide_emitters")
@@ -160,8 +161,8 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
         fail(integrator, '"max_depth" 0 is a black image: -1 is without limit, 1 emission only')
     emitters = [_emitter(e) for e in root.findall("emitter")]
     skies = [sky for sky in emitters if isinstance(sky, np.ndarray)]
-    if len(skies) > 1:
-        raise ReferenceError_(f'{path}: a second <emitter type="constant">')
+    for another in root.findall("./emitter[@type='constant']")[1:]:
+        fail(another, f"a second {described(another)}")
     shapes = []
     for element in root.findall("shape"):
         shape = _shape(element, materials, path.parent)
