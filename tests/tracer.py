@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 Array = np.ndarray
-AT_ONCE = 1_000_000
+AT_ONCE = 100_000
 """Rays times primitives that are met at a time."""
 NO_LIMIT = 60
 """Segments of a path whose depth has no limit; roulette ends nearly all of them long before."""
@@ -37,13 +37,16 @@ class Primitives:
     """Flat ones first: p = o + s u + t v, with s and t within a square, triangle or circle. Then spheres."""
 
     def __init__(self, data: dict[str, Any]):
-        flat = [p for p in data["primitives"] if p["type"] != "sphere"]
+        kinds = ("parallelogram", "triangle", "disk")
+        flat = [p for kind in kinds for p in data["primitives"] if p["type"] == kind]
         balls = [p for p in data["primitives"] if p["type"] == "sphere"]
         self.all = flat + balls
         self.flats = len(flat)
         placed = np.array([self._placed(p) for p in flat]).reshape(-1, 3, 3)
         self.o, self.u, self.v = placed[:, 0], placed[:, 1], placed[:, 2]
-        self.kind = np.array([p["type"] for p in flat])
+        self.kind = np.array([p["type"] for p in flat], dtype=str)
+        ends = np.searchsorted([kinds.index(p["type"]) for p in flat], [0, 1, 2, 3])
+        self.squares, self.triangles, self.disks = (slice(*ends[i : i + 2]) for i in range(3))
         self.normal = np.array([p["normal"] for p in flat]).reshape(-1, 3)
         self.smooth = np.array([p.get("vertex_normals", [p["normal"]] * 3) for p in flat]).reshape(-1, 3, 3)
         across = np.cross(self.u, self.v)
@@ -94,10 +97,14 @@ class Primitives:
             flat = -height / (d @ self.plane.T)
             s = o @ self.dual_s.T - _dot(self.o, self.dual_s) + flat * (d @ self.dual_s.T)
             t = o @ self.dual_t.T - _dot(self.o, self.dual_t) + flat * (d @ self.dual_t.T)
-            square = (s >= 0) & (t >= 0) & (s <= 1) & (t <= 1)
-            inside = np.where(self.kind == "disk", s**2 + t**2 <= 1, square)
-            inside = np.where(self.kind == "triangle", (s >= 0) & (t >= 0) & (s + t <= 1), inside)
-            flat[~(inside & (flat > low) & ~here[:, : self.flats])] = np.inf
+            outside = ~(flat > low) | here[:, : self.flats]
+            part = self.squares
+            outside[:, part] |= ~((np.minimum(s, t)[:, part] >= 0) & (np.maximum(s, t)[:, part] <= 1))
+            part = self.triangles
+            outside[:, part] |= ~((np.minimum(s, t)[:, part] >= 0) & ((s + t)[:, part] <= 1))
+            part = self.disks
+            outside[:, part] |= ~(s[:, part] ** 2 + t[:, part] ** 2 <= 1)
+            flat[outside] = np.inf
             between = self.center - o[:, None]
             middle = (between * d[:, None]).sum(axis=-1)
             beside = ((between - middle[..., None] * d[:, None]) ** 2).sum(axis=-1)
