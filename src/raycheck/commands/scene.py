@@ -23,7 +23,8 @@ def scene(
     form: Annotated[Form, typer.Option("--as", help="How to write it.")] = Form.TEXT,
 ) -> None:
     """Print a scene for a renderer without an XML parser: the camera's corner rays, primitives in world
-    space, linear colours, and what the renderer must support. The JSON's schema is scene.schema.json.
+    space, linear colours, and what the renderer must support. The JSON's schema is scene.schema.json. What
+    cannot be printed is refused with its line.
     """
     with plain_errors():
         data = export.export(variants.variant(name, parse_settings(settings)))

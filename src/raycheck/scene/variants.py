@@ -96,10 +96,15 @@ def scene_path(name: str) -> Path:
 
 
 def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
-    """SHA-256 of a scene file, of the files that it names, and of the parameters; line ends do not matter."""
-    digest = hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n"))
-    for named in files_of(path, parameters):
-        digest.update(named.read_bytes())
+    """SHA-256 of a scene file, of the files that it names, and of the parameters; line ends do not matter.
+    ReferenceError_ where one cannot be read.
+    """
+    try:
+        digest = hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n"))
+        for named in files_of(path, parameters):
+            digest.update(named.read_bytes())
+    except OSError as error:
+        raise ReferenceError_(f"{error.filename}: {error.strerror}") from None
     digest.update(json.dumps(sorted((parameters or {}).items())).encode())
     return digest.hexdigest()
 
