@@ -12,13 +12,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import duration
-from raycheck.commands.support import parse_settings, plain_errors
-from raycheck.renderers import pools, shards
+from raycheck.commands.support import parse_settings
+from raycheck.renderers import pools
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique as named_technique
 
 
-@plain_errors()
 def render(
     scene: Annotated[str, typer.Argument(help="A scene's name, label such as furnace@depth=2, or file.")],
     output: Annotated[Path, typer.Option("-o", metavar="PICTURE", help="An .exr, .pfm or .png.")],
@@ -51,6 +50,8 @@ def render(
     if exposure and output.suffix.lower() != ".png":
         raise NotFound(f"--exposure is of a .png: {output} holds the radiance as it is")
     of = variants.variant(scene, parse_settings(settings))
+    from raycheck.renderers import shards
+
     work = shards.Work(of.path, of.parameters, (*_chosen(technique), *(options or ())), seed)
     kept = folder or output.with_name(f"{output.name}.shards")
     started = time.monotonic()

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from raycheck.commands import options
-from raycheck.commands.support import parse_settings, plain_errors
-from raycheck.scene import code, export, variants
+from raycheck.commands.support import parse_settings
+from raycheck.scene import variants
 
 
 class Form(StrEnum):
@@ -25,8 +25,10 @@ def scene(
     """Print a scene for a renderer without an XML parser: the camera's corner rays, primitives in world
     space, linear colours, and what the renderer must support. The JSON's schema is scene.schema.json.
     """
-    with plain_errors():
-        data = export.export(variants.variant(name, parse_settings(settings)))
+    of = variants.variant(name, parse_settings(settings))
+    from raycheck.scene import code, export
+
+    data = export.export(of)
     if form is Form.JSON:
         typer.echo(export.to_json(data), nl=False)
     elif form is Form.TEXT:

@@ -1,44 +1,68 @@
-"""What the commands share: errors in one line, the terminal, a bar that shows how far a long run is."""
+"""What the commands share: the terminal, tables that fit it, a bar that shows how far a long run is."""
 
-import shlex
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-import typer
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from raycheck.base.errors import ImageError, NotFound, PatchError, ReferenceError_, RenderError
+from raycheck.base.errors import NotFound
+from raycheck.base.text import as_printed
+
+PIPE_WIDTH = 140
+"""Characters of a line where there is no terminal, unless COLUMNS says more or less."""
 
 
 def make_console() -> Console:
-    """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
-    return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
+    """Standard output: as wide as the terminal, or wide enough for most tables in a pipe."""
+    if sys.stdout.isatty():
+        return Console()
+    columns = os.environ.get("COLUMNS", "")
+    width = int(columns) if columns.isascii() and columns.isdigit() and int(columns) > 0 else PIPE_WIDTH
+    return Console(width=width, color_system=None)
 
 
-def make_table(columns: Iterable[str], right: Iterable[str] = (), wrap: bool = True) -> Table:
-    """Without lines; numbers stand to the right."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in columns:
-        table.add_column(name, justify="right" if name in right else "left", no_wrap=not wrap)
-    return table
+class Columns:
+    """A table without lines. Where it is wider than the terminal, each row becomes lines of a name and a
+    value: no number is cut.
+    """
 
+    def __init__(self, names: Iterable[str], right: Iterable[str] = (), wrap: Iterable[str] = ()) -> None:
+        """Numbers stand to the `right`; the cells of `wrap` may be broken between words."""
+        self.names, self.rows = list(names), list[tuple[list[str], str | None]]()
+        self.right, self.wrap = set(right), set(wrap)
 
-@contextmanager
-def plain_errors() -> Iterator[None]:
-    """One line on standard error and exit status 2 where nothing could be judged."""
-    try:
-        yield
-    except (NotFound, ReferenceError_, ImageError, RenderError, PatchError) as error:
-        typer.echo(f"raycheck: {error}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("raycheck: interrupted", err=True)
-        raise typer.Exit(130) from None
+    def add_row(self, *cells: str, style: str | None = None) -> None:
+        self.rows.append((list(cells), style))
+
+    def show(self, console: Console) -> None:
+        table = Table(box=None, pad_edge=False, header_style="bold")
+        for name in self.names:
+            justify: JustifyMethod = "right" if name in self.right else "left"
+            table.add_column(as_printed(name, sys.stdout), justify=justify, no_wrap=name not in self.wrap)
+        for cells, style in self.rows:
+            table.add_row(*(as_printed(cell, sys.stdout) for cell in cells), style=style)
+        if table.__rich_measure__(console, console.options.update(max_width=10_000)).minimum <= console.width:
+            console.print(table)
+        else:
+            self._stack(console)
+
+    def _stack(self, console: Console) -> None:
+        for index, (cells, style) in enumerate(self.rows):
+            one = Table.grid(padding=(0, 2, 0, 0))
+            one.add_column(no_wrap=True)
+            one.add_column(overflow="fold")
+            for name, cell in zip(self.names, cells, strict=True):
+                if cell:
+                    one.add_row(as_printed(name, sys.stdout), as_printed(cell, sys.stdout), style=style)
+            if index:
+                console.print()
+            console.print(one, highlight=False)
 
 
 def parse_settings(settings: list[str] | None) -> dict[str, str]:
@@ -53,8 +77,7 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
 def writable(path: Path | None) -> None:
     """Say before a long run, not after it, that its result cannot be written."""
     if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
-        typer.echo(f"raycheck: {path}: there is no such folder, or it is one", err=True)
-        raise typer.Exit(2)
+        raise NotFound(f"{path}: there is no such folder, or it is one")
 
 
 COLOURS = {"PASS": "green", "FAIL": "bold red", "INCONCLUSIVE": "yellow"}
@@ -67,11 +90,6 @@ class Done(Protocol):
     def scene(self) -> str: ...
     @property
     def technique(self) -> str: ...
-
-
-def command_line() -> str:
-    """The one that was typed, for whoever reads its result."""
-    return shlex.join(["raycheck", *sys.argv[1:]])
 
 
 @contextmanager

@@ -5,6 +5,7 @@ applies.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from raycheck.base.text import nearest
 from raycheck.scene.content import SceneContent
 
 
@@ -150,7 +151,8 @@ def technique(name: str) -> Technique:
     for candidate in TECHNIQUES:
         if candidate.name == name:
             return candidate
-    raise KeyError(f"no technique {name!r}; there are {', '.join(t.name for t in TECHNIQUES)}")
+    names = [known.name for known in TECHNIQUES]
+    raise KeyError(f"no technique {name!r}{nearest(name, names)}; there are {', '.join(names)}")
 
 
 def applicable(content: SceneContent) -> list[Technique]:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
+from raycheck.base.statuses import Status
 from raycheck.base.text import duration, percent
 from raycheck.calibration import assignments
-from raycheck.commands.support import make_console, make_table
+from raycheck.commands.support import Columns, make_console
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
@@ -32,18 +32,19 @@ def check_assignment(path: Path, paths_per_second: float, limit: float, names: S
 
     results = assignments.check(grader, paths_per_second, chosen, on_task)
     console = make_console()
-    console.print(_table(results))
+    _table(results).show(console)
     total = duration(sum(result.seconds for result in results))
     speed = f"{paths_per_second:,.0f} paths a second"
     console.print(f"All tasks: {total} for an honest program that traces {speed}.", highlight=False)
     refused = assignments.refusals(asked, results, limit)
     for line in refused:
         typer.echo(f"raycheck: {path}: {line}", err=True)
-    raise typer.Exit(2 if refused else 0 if all(result.passes for result in results) else 3)
+    passed = all(result.passes for result in results)
+    raise typer.Exit(Status.COULD_NOT_RUN if refused else Status.DONE if passed else Status.INCONCLUSIVE)
 
 
-def _table(results: Sequence[assignments.TaskCheck]) -> Table:
-    table = make_table(COLUMNS, right=("time", "notices"))
+def _table(results: Sequence[assignments.TaskCheck]) -> Columns:
+    table = Columns(COLUMNS, right=("time", "notices"), wrap=COLUMNS[4:])
     for one in results:
         by = {outcome: [n for n, o in one.mistakes.items() if o is outcome] for outcome in Outcome}
         seen = f"{len(by[Outcome.FAIL])} of {len(one.mistakes)}" if one.mistakes else ""
