@@ -47,16 +47,18 @@ def verify(
 
     `renderer` is a command with {output} and where it can {scene} {spp} {seed}, a callable render(scene, spp,
     seed) that returns (H, W, 3) linear radiance, or None for oneray with every technique that applies (or
-    those named). A callable is called from this thread alone, one call after another, unless `jobs` gives a
-    number of threads that call it at a time; what it returns is copied, so that it may be a film that the next
-    call fills again. A command runs twice at a time by default. A renderer that ends with exit status 77
-    cannot render the scene, which is left out. `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes`
-    are canonical names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical
-    ones, of which a quick run of oneray picks cases that take in every technique and scene, and a thorough
-    one adds the scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the
-    budget of a quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference
-    are still the same. `on_case(case, cases in all)` is called after each verdict. Raises
-    `raycheck.NotFound` where nothing can be judged.
+    those named). A callable is called from this thread alone, one call after another, unless `jobs` says how
+    many threads call it at a time; what it returns is copied, so that it may be a film that the next call
+    fills again. Commands run two at a time unless `jobs` says otherwise; one that ends with exit status 77
+    cannot render the scene, which is left out.
+
+    `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes` are canonical
+    names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical ones, of which
+    a quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
+    scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
+    quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
+    same. `on_case(case, cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing
+    can be judged.
     """
     started = time.perf_counter()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes

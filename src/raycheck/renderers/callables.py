@@ -15,8 +15,8 @@ from raycheck.renderers.renderer import Rendering, repeat
 
 @dataclass(frozen=True)
 class Function:
-    """A Python callable: render(scene, spp, seed) gives (H, W, 3), which is copied: it may give the same array
-    each time.
+    """A Python callable: render(scene, spp, seed) gives (H, W, 3). That is copied, so that it may give the
+    same array each time.
     """
 
     function: Callable[[Path, int, int], ArrayLike]
