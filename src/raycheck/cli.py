@@ -3,7 +3,7 @@
 import sys
 from typing import NoReturn
 
-from raycheck.base.text import STAND_INS
+from raycheck.base.text import use_stand_ins
 from raycheck.commands.edge import status_of
 
 
@@ -13,7 +13,7 @@ def main() -> NoReturn:
     """
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
-            stream.reconfigure(errors=STAND_INS)  # type: ignore[union-attr]
+            use_stand_ins(stream)
     sys.exit(status_of(_run))
 
 

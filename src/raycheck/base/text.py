@@ -2,12 +2,14 @@
 
 import codecs
 import difflib
+import io
 import json
 import math
 import unicodedata
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TextIO
 
+ASCII = "raycheck-ascii"
 STAND_INS = "raycheck-stand-ins"
 """The name of an error handler of codecs: a sign that the encoding lacks becomes ASCII."""
 SIGNS = {
@@ -47,6 +49,27 @@ def _stand_ins(error: UnicodeError) -> tuple[str | bytes, int]:
 
 
 codecs.register_error(STAND_INS, _stand_ins)
+
+
+def _ascii(name: str) -> codecs.CodecInfo | None:
+    """ASCII by another name: click takes a stream of that encoding for one whose system means UTF-8."""
+    of = codecs.lookup("ascii")
+    if name != ASCII.replace("-", "_"):
+        return None
+    return codecs.CodecInfo(
+        of.encode, of.decode, of.streamreader, of.streamwriter, of.incrementalencoder, of.incrementaldecoder,
+        name=ASCII,
+    )  # fmt: skip
+
+
+codecs.register(_ascii)
+
+
+def use_stand_ins(stream: TextIO) -> None:
+    """Let ASCII stand in for what the stream's encoding lacks, whoever writes to it."""
+    plain = codecs.lookup(stream.encoding).name == "ascii"
+    assert isinstance(stream, io.TextIOWrapper)
+    stream.reconfigure(encoding=ASCII if plain else None, errors=STAND_INS)
 
 
 def as_printed(words: str, stream: TextIO) -> str:

@@ -88,7 +88,7 @@ app = plain_app(Commands)
 
 def _show_version(value: bool) -> None:
     if value:
-        typer.echo(f"raycheck {raycheck_version()}")
+        print(f"raycheck {raycheck_version()}")
         raise typer.Exit
 
 
@@ -101,4 +101,4 @@ def few_commands(
 ) -> None:
     """A judge of Monte Carlo renderers."""
     if context.invoked_subcommand is None:
-        typer.echo(FEW_COMMANDS, nl=False)
+        print(FEW_COMMANDS, end="")

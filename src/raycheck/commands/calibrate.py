@@ -57,7 +57,7 @@ def run_nulls(
     file = _ready(work) / "nulls.jsonl"
     for found in nulls.measure_nulls(file, sets, pool=_pool(jobs, dask)):
         failed = [found.outcomes.count("FAIL"), found.whole == "FAIL"]
-        typer.echo(f"{found.configuration} {found.index}: {'FALSE ALARM' if any(failed) else 'no alarm'}")
+        print(f"{found.configuration} {found.index}: {'FALSE ALARM' if any(failed) else 'no alarm'}")
     summary = nulls.summary(file)
     summary.pop("power")
     _put("nulls", summary, json_file)
@@ -90,7 +90,7 @@ def run_mutants(
     for found in kills.measure_kills(file, wanted, _pool(jobs, dask)):
         rules = [rule for rule, rejected in found[0].rejected.items() if rejected]
         effect = "no image" if found[0].effect is None else f"{found[0].effect:.3g} detectable biases"
-        typer.echo(f"{found[0].name} ({effect}): rejected by {', '.join(rules) or 'none'}")
+        print(f"{found[0].name} ({effect}): rejected by {', '.join(rules) or 'none'}")
     _put("mutants", kills.summary(file, wanted), json_file)
 
 
@@ -101,8 +101,8 @@ def run_signatures(work: Folder = WORK) -> None:
 
     wanted = _wanted(None)
     for pair in signatures.render_pairs(_ready(work) / "signatures", wanted):
-        typer.echo(f"{pair.mutant.name} on {pair.scene}")
-    typer.echo(str(signatures.write_signatures(work / "signatures", wanted)))
+        print(f"{pair.mutant.name} on {pair.scene}")
+    print(str(signatures.write_signatures(work / "signatures", wanted)))
 
 
 @app.command(name="parts")
@@ -111,7 +111,7 @@ def run_parts(scenes: Scenes = None) -> None:
     from raycheck.calibration import part_making
 
     for scene in part_making.write(scenes or variants.scene_names()):
-        typer.echo(scene)
+        print(scene)
 
 
 @app.command(name="naming")
@@ -140,7 +140,7 @@ def run_gradings(
     asked = gradings.quick(read_assignment(assignment))
     grader, file = Grader.prepare(asked, Tier.NONE), _ready(work) / "gradings.jsonl"
     for found in gradings.measure(file, grader, count, _pool(jobs, dask)):
-        typer.echo(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
+        print(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
     _put("gradings", gradings.summary(file, gradings.digest_of(grader)), json_file)
 
 
@@ -169,4 +169,4 @@ def _put(section: str, figures: object, json_file: Path | None) -> None:
     found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     text = json.dumps({**found, section: figures}, indent=1, ensure_ascii=False) + "\n"
     write_whole(path, text)
-    typer.echo(json.dumps(figures, indent=1, ensure_ascii=False))
+    print(json.dumps(figures, indent=1, ensure_ascii=False))

@@ -7,7 +7,7 @@ import typer
 
 from raycheck.base.files import write_whole
 from raycheck.commands import options
-from raycheck.commands.support import COLOURS, make_console, writable
+from raycheck.commands.support import COLOURS, Output, writable
 
 
 def compare(
@@ -20,7 +20,7 @@ def compare(
 
     writable(json_file)
     result = compare_images(a, b)
-    console = make_console()
+    console = Output()
     console.print(f"[{COLOURS[result.verdict]}]{result.verdict}[/]", end=" ")
     console.print(result.reason, markup=False, highlight=False, soft_wrap=True)
     if json_file:

@@ -8,7 +8,7 @@ import typer
 from raycheck.base.errors import NotFound
 from raycheck.base.statuses import Status
 from raycheck.commands.options import RendererCommand
-from raycheck.commands.support import make_console
+from raycheck.commands.support import Output
 
 
 def diagnose(
@@ -35,6 +35,6 @@ def diagnose(
     if map_file and found.worst:
         write_map(map_file, *found.worst)
     text, wrong = report(found)
-    console = make_console()
+    console = Output()
     console.print(text, markup=False, highlight=False, soft_wrap=True)
     raise typer.Exit(Status.FAIL if wrong else Status.DONE)

@@ -18,5 +18,5 @@ def handout(
 
     left = write_handout(read_assignment(assignment), output)
     for function in left:
-        typer.echo(f"{function.path.name}:{function.line}: {function.name}")
-    typer.echo(f"{output}: {len(left)} functions are left to the students, as README.md there says")
+        print(f"{function.path.name}:{function.line}: {function.name}")
+    print(f"{output}: {len(left)} functions are left to the students, as README.md there says")

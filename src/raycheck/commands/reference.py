@@ -56,7 +56,7 @@ def reference(
 
     if closed_forms:
         for label in references.keep_closed_forms():
-            typer.echo(label)
+            print(label)
         return
     standard = making.Goal()
     tile = tile_error or standard.tile
@@ -65,4 +65,4 @@ def reference(
     if wanted:
         work.make(wanted, by, goal, jobs or os.cpu_count() or 1)
     else:
-        typer.echo("all references are fresh")
+        print("all references are fresh")

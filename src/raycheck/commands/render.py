@@ -50,9 +50,10 @@ def render(
     if exposure and output.suffix.lower() != ".png":
         raise NotFound(f"--exposure is of a .png: {output} holds the radiance as it is")
     of = variants.variant(scene, parse_settings(settings))
+    chosen = named_technique(technique).options if technique else ()
     from raycheck.renderers import shards
 
-    work = shards.Work(of.path, of.parameters, (*_chosen(technique), *(options or ())), seed)
+    work = shards.Work(of.path, of.parameters, (*chosen, *(options or ())), seed)
     kept = folder or output.with_name(f"{output.name}.shards")
     started = time.monotonic()
     console = Console(stderr=True)
@@ -73,12 +74,4 @@ def render(
     total = len(shards.ranges(spp))
     found = f" ({total - new} were there)" if new < total else ""
     took = duration(math.ceil(time.monotonic() - started))
-    typer.echo(f"{output}: {spp} samples per pixel in {total} parts{found}, {took}")
-
-
-def _chosen(technique: str | None) -> tuple[str, ...]:
-    """oneray's options for a technique; NotFound with the names there are."""
-    try:
-        return named_technique(technique).options if technique else ()
-    except KeyError as error:
-        raise NotFound(error.args[0]) from None
+    print(f"{output}: {spp} samples per pixel in {total} parts{found}, {took}")

@@ -47,5 +47,5 @@ def report(
     if json_file and races:
         write_whole(json_file, to_json(races.scenes, races.header))
     for scene, curve in flagged(races.scenes if races and seconds > 0 else ()):
-        typer.echo(f"{scene}, {curve.name}: {curve.flag}: {curve.why}")
-    typer.echo(f"{page}: open it in a browser")
+        print(f"{scene}, {curve.name}: {curve.flag}: {curve.why}")
+    print(f"{page}: open it in a browser")

@@ -30,9 +30,9 @@ def scene(
 
     data = export.export(of)
     if form is Form.JSON:
-        typer.echo(export.to_json(data), nl=False)
+        print(export.to_json(data), end="")
     elif form is Form.TEXT:
-        typer.echo(code.text(data), nl=False)
+        print(code.text(data), end="")
     else:
         language = code.CPP if form is Form.CPP else code.RUST
-        typer.echo(code.source(data, language), nl=False)
+        print(code.source(data, language), end="")

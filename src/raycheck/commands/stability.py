@@ -9,7 +9,7 @@ from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.statuses import Status
 from raycheck.commands import options
 from raycheck.commands.edge import command_line
-from raycheck.commands.support import Columns, make_console, progress_bar, writable
+from raycheck.commands.support import Columns, Output, progress_bar, writable
 
 
 def stability(
@@ -35,10 +35,10 @@ def stability(
     table = Columns(tables.COLUMNS, wrap=tables.COLUMNS[4:])
     for result in results:
         table.add_row(*tables.row(result), style=None if result.holds() else "red")
-    table.show(make_console())
+    table.show(Output())
     missed = [result.case for result in results if not result.holds()]
     met = "all that was swept holds" if quick else f"all {len(results)} goals are met"
-    make_console().print(f"goals missed: {', '.join(missed)}" if missed else met)
+    Output().print(f"goals missed: {', '.join(missed)}" if missed else met)
     if json_file:
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": command_line()}
         write_whole(json_file, to_json(results, header))

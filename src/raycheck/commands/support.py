@@ -1,15 +1,17 @@
 """What the commands share: the terminal, tables that fit it, a bar that shows how far a long run is."""
 
-import os
+import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
+from rich.cells import cell_len
 from rich.console import Console, JustifyMethod
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import as_printed
@@ -18,13 +20,15 @@ PIPE_WIDTH = 140
 """Characters of a line where there is no terminal, unless COLUMNS says more or less."""
 
 
-def make_console() -> Console:
+class Output(Console):
     """Standard output: as wide as the terminal, or wide enough for most tables in a pipe."""
-    if sys.stdout.isatty():
-        return Console()
-    columns = os.environ.get("COLUMNS", "")
-    width = int(columns) if columns.isascii() and columns.isdigit() and int(columns) > 0 else PIPE_WIDTH
-    return Console(width=width, color_system=None)
+
+    def __init__(self) -> None:
+        width, height = shutil.get_terminal_size((PIPE_WIDTH, 50))
+        super().__init__(width=width, height=height, color_system="auto" if sys.stdout.isatty() else None)
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError  # its own exit status would be 1
 
 
 class Columns:
@@ -41,28 +45,33 @@ class Columns:
         self.rows.append((list(cells), style))
 
     def show(self, console: Console) -> None:
+        shown = [[Text.from_markup(as_printed(cell, sys.stdout)) for cell in cells] for cells, _ in self.rows]
         table = Table(box=None, pad_edge=False, header_style="bold")
-        for name in self.names:
+        for index, name in enumerate(self.names):
+            header = as_printed(name, sys.stdout)
             justify: JustifyMethod = "right" if name in self.right else "left"
-            table.add_column(as_printed(name, sys.stdout), justify=justify, no_wrap=name not in self.wrap)
-        for cells, style in self.rows:
-            table.add_row(*(as_printed(cell, sys.stdout) for cell in cells), style=style)
+            table.add_column(header, justify=justify, no_wrap=name not in self.wrap)
+            if name not in self.wrap:
+                cells = [row[index].cell_len for row in shown if index < len(row)]
+                table.columns[index].min_width = max([cell_len(header), *cells])
+        for row, (_, style) in zip(shown, self.rows, strict=True):
+            table.add_row(*row, style=style)
         if table.__rich_measure__(console, console.options.update(max_width=10_000)).minimum <= console.width:
             console.print(table)
         else:
-            self._stack(console)
+            self._stack(console, shown)
 
-    def _stack(self, console: Console) -> None:
-        for index, (cells, style) in enumerate(self.rows):
-            one = Table.grid(padding=(0, 2, 0, 0))
+    def _stack(self, console: Console, shown: Sequence[Sequence[Text]]) -> None:
+        for index, (row, (_, style)) in enumerate(zip(shown, self.rows, strict=True)):
+            one = Table.grid(padding=(0, 2, 0, 0), pad_edge=False)
             one.add_column(no_wrap=True)
             one.add_column(overflow="fold")
-            for name, cell in zip(self.names, cells, strict=True):
+            for name, cell in zip(self.names, row, strict=False):
                 if cell:
-                    one.add_row(as_printed(name, sys.stdout), as_printed(cell, sys.stdout), style=style)
+                    one.add_row(as_printed(name, sys.stdout), cell, style=style)
             if index:
                 console.print()
-            console.print(one, highlight=False)
+            console.print(one)
 
 
 def parse_settings(settings: list[str] | None) -> dict[str, str]:

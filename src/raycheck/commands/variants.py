@@ -44,4 +44,4 @@ def variants(
             write_scene(of, task.scenes[0], folder)
             text = code.text({**export.export(of), "scene": task.scenes[0]})
             write_whole(folder / "scene.txt", text)
-    typer.echo(f"{output}: scenes for {len(names)} student{'s' if len(names) > 1 else ''}")
+    print(f"{output}: scenes for {len(names)} student{'s' if len(names) > 1 else ''}")

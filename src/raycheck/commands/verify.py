@@ -6,6 +6,7 @@ from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
 from raycheck.commands import options
 from raycheck.commands.support import parse_settings, progress_bar, writable
+from raycheck.scene import techniques, variants
 
 
 def verify(
@@ -34,6 +35,11 @@ def verify(
         raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
     if resume and json_file is None:
         raise NotFound("--resume goes on with the run in --json FILE: name it")
+    parameters = parse_settings(settings)
+    for scene in scenes or ():
+        variants.variant(scene, parameters)
+    for name in technique or ():
+        techniques.technique(name)
     from raycheck.commands.work import verify as work
     from raycheck.judging.junit import junit_xml
     from raycheck.judging.verdicts import Verification
@@ -46,7 +52,7 @@ def verify(
     with progress_bar("verifying") as on_case:
         kept = Verification.read(json_file).cases if going_on and json_file else []
         result = run_verification(
-            renderer, scenes or (), parameters=parse_settings(settings), techniques=technique or (),
+            renderer, scenes or (), parameters=parameters, techniques=technique or (),
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
             limits=limits, earlier=kept,
             on_case=work.saving(json_file, kept, on_case) if thorough else on_case,

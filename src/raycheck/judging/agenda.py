@@ -74,10 +74,7 @@ def oneray_agenda(
     depths, with oneray's default technique.
     """
     oneray = oneray_path()
-    try:
-        chosen = [technique(name) for name in techniques]
-    except KeyError as error:
-        raise NotFound(error.args[0]) from None
+    chosen = [technique(name) for name in techniques]
     agenda = Agenda()
     pairs = []
     found = False

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import typer
 from rich.console import Console
 
 from raycheck.base.errors import NotFound
-from raycheck.commands.support import COLOURS, Columns, make_console
+from raycheck.commands.support import COLOURS, Columns, Output
 from raycheck.grading import course
 from raycheck.grading.assignment import Assignment, read_assignment
 from raycheck.grading.jail import sandbox
@@ -65,11 +64,11 @@ def package_for(platform: str, assignment: Path, path: Path) -> None:
     if platform != "gradescope":
         raise NotFound(f"--package {platform}: gradescope is what there is")
     write_package(Grader.prepare(read_assignment(assignment), sandbox.Tier.NONE), path)
-    typer.echo(f"{path}: upload it to Gradescope. It holds the secret of {assignment}: keep it from students")
+    print(f"{path}: upload it to Gradescope. It holds the secret of {assignment}: keep it from students")
 
 
 def show(asked: Assignment, results: list[StudentResult], out: Path) -> None:
-    console = make_console()
+    console = Output()
     numbers = [*(task.id for task in asked.tasks), "total"]
     table = Columns(("student", *numbers), right=numbers)
     for result in results:

@@ -1,5 +1,6 @@
 """raycheck grade --check: an assignment tried out before students see it."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from rich.console import Console
 from raycheck.base.statuses import Status
 from raycheck.base.text import duration, percent
 from raycheck.calibration import assignments
-from raycheck.commands.support import Columns, make_console
+from raycheck.commands.support import Columns, Output
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
@@ -31,14 +32,14 @@ def check_assignment(path: Path, paths_per_second: float, limit: float, names: S
         progress.print(f"{found.task.id}: {duration(found.seconds)}", highlight=False, markup=False)
 
     results = assignments.check(grader, paths_per_second, chosen, on_task)
-    console = make_console()
+    console = Output()
     _table(results).show(console)
     total = duration(sum(result.seconds for result in results))
     speed = f"{paths_per_second:,.0f} paths a second"
     console.print(f"All tasks: {total} for an honest program that traces {speed}.", highlight=False)
     refused = assignments.refusals(asked, results, limit)
     for line in refused:
-        typer.echo(f"raycheck: {path}: {line}", err=True)
+        print(f"raycheck: {path}: {line}", file=sys.stderr)
     passed = all(result.passes for result in results)
     raise typer.Exit(Status.COULD_NOT_RUN if refused else Status.DONE if passed else Status.INCONCLUSIVE)
 

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from raycheck.base.text import duration, percent
-from raycheck.commands.support import make_console
+from raycheck.commands.support import Output
 from raycheck.scene import variants
 from raycheck.truth import making, mitsuba, references
 
@@ -23,7 +23,7 @@ def wanted(
 def make(wanted: Sequence[variants.Variant], by: str, goal: making.Goal, jobs: int) -> None:
     """Plan all, say how long it will take, then render the short ones first."""
     variant = mitsuba.choose_variant() if by == "mitsuba" else ""
-    console = make_console()
+    console = Output()
     work = []
     for of in wanted:
         renderer = mitsuba.MitsubaBatches(of, variant, jobs) if variant else making.OnerayBatches(of, jobs)

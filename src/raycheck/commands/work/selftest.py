@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from raycheck.base.errors import NotFound
-from raycheck.commands.support import Columns, make_console
+from raycheck.commands.support import Columns, Output
 from raycheck.grading import attacks
 from raycheck.grading.jail import sandbox
 from raycheck.grading.jail.limits import Limits
@@ -42,7 +42,7 @@ def _usable(tier: sandbox.Tier) -> sandbox.Tier:
 
 
 def _show(survived: list[attacks.Survived], sandbox_: str) -> None:
-    console = make_console()
+    console = Output()
     table = Columns(("attack", "survived", "reason"), wrap=("reason",))
     for one in survived:
         good = "[green]yes[/]" if not one.problem else "[bold red]NO[/]"

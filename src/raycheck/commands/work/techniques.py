@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 
-from raycheck.commands.support import Columns, make_console
+from raycheck.commands.support import Columns, Output
 from raycheck.measuring import price_tables, prices
 from raycheck.scene.techniques import TECHNIQUES
 
 
 def show(result: Sequence[prices.ScenePrices]) -> None:
     """A table of each scene, and what the techniques in them are."""
-    console = make_console()
+    console = Output()
     for one in result:
         table = Columns(price_tables.COLUMNS, right=price_tables.COLUMNS[2:])
         for each in one.prices:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from raycheck.base.files import write_whole
 from raycheck.base.text import duration, percent, signed
-from raycheck.commands.support import COLOURS, Columns, make_console
+from raycheck.commands.support import COLOURS, Columns, Output
 from raycheck.judging import sentences
 from raycheck.judging.verdicts import Case, Verification
 from raycheck.stats.verdict import Outcome
@@ -13,7 +13,7 @@ from raycheck.stats.verdict import Outcome
 
 def show(result: Verification) -> None:
     """The table of verdicts, and a sentence for each that is not PASS."""
-    console = make_console()
+    console = Output()
     figures = ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds")
     table = Columns(("scene", "technique", "verdict", *figures), right=figures)
     for case in result.cases:
