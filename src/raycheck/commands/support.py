@@ -16,16 +16,17 @@ from rich.text import Text
 from raycheck.base.errors import NotFound
 from raycheck.base.text import as_printed
 
-PIPE_WIDTH = 140
-"""Characters of a line where there is no terminal, unless COLUMNS says more or less."""
+PIPE = (140, 50)
+"""Characters of a line, and lines, where there is no terminal."""
 
 
 class Output(Console):
     """Standard output: as wide as the terminal, or wide enough for most tables in a pipe."""
 
     def __init__(self) -> None:
-        width, height = shutil.get_terminal_size((PIPE_WIDTH, 50))
-        super().__init__(width=width, height=height, color_system="auto" if sys.stdout.isatty() else None)
+        there = sys.stdout.isatty()
+        width, height = shutil.get_terminal_size(PIPE) if there else PIPE
+        super().__init__(width=width, height=height, color_system="auto" if there else None)
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError  # its own exit status would be 1
