@@ -34,7 +34,6 @@ COMMANDS = (
     "diagnose", "scene", "grade", "handout", "variants", "selftest", "verify", "compare", "report",
     "techniques", "stability", "reference", "render", "calibrate", "list",
 )  # fmt: skip
-HELP = {"help_option_names": ["-h", "--help"]}
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 
@@ -51,7 +50,7 @@ class Commands(TyperGroup):
         module = import_module(f"raycheck.commands.{cmd_name}")
         one: typer.Typer = getattr(module, "app", None) or plain_app()
         if not hasattr(module, "app"):
-            one.command(name=cmd_name, context_settings=HELP)(getattr(module, cmd_name))
+            one.command(name=cmd_name)(getattr(module, cmd_name))
         found = typer.main.get_command(one)
         found.name = cmd_name
         return found
@@ -75,11 +74,11 @@ class Commands(TyperGroup):
         return None
 
 
-def plain_app(cls: type[TyperGroup] | None = None, **more: Any) -> typer.Typer:
+def plain_app(cls: type[TyperGroup] | None = None) -> typer.Typer:
     """Without completion, markup or framed errors."""
     return typer.Typer(
         cls=cls, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False,
-        context_settings=HELP, **more,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )  # fmt: skip
 
 

@@ -31,12 +31,12 @@ def reference(
     ] = math.inf,
     image_error: Annotated[
         float | None,
-        typer.Option(min=0, help="Relative standard error of the image to reach, 1e-4 by default."),
+        typer.Option(min=1e-9, help="Relative standard error of the image to reach, 1e-4 by default."),
     ] = None,
     tile_error: Annotated[
         float | None,
         typer.Option(
-            min=0,
+            min=1e-9,
             help="The same of 90 % of its 8×8 tiles, 5e-4 by default; twice that beside a closed form.",
         ),
     ] = None,

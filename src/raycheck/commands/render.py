@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import duration
-from raycheck.commands.support import parse_settings
+from raycheck.commands.support import Output, parse_settings
 from raycheck.renderers import pools
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique as named_technique
@@ -56,7 +55,7 @@ def render(
     work = shards.Work(of.path, of.parameters, (*chosen, *(options or ())), seed)
     kept = folder or output.with_name(f"{output.name}.shards")
     started = time.monotonic()
-    console = Console(stderr=True)
+    console = Output(stderr=True)
     columns = (TextColumn(output.name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)

@@ -21,12 +21,14 @@ PIPE = (140, 50)
 
 
 class Output(Console):
-    """Standard output: as wide as the terminal, or wide enough for most tables in a pipe."""
+    """Standard output or error: as wide as the terminal, or wide enough for most tables in a pipe."""
 
-    def __init__(self) -> None:
-        there = sys.stdout.isatty()
+    def __init__(self, stderr: bool = False) -> None:
+        there = (sys.stderr if stderr else sys.stdout).isatty()
         width, height = shutil.get_terminal_size(PIPE) if there else PIPE
-        super().__init__(width=width, height=height, color_system="auto" if there else None)
+        super().__init__(
+            width=width, height=height, color_system="auto" if there else None, stderr=stderr
+        )
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError  # its own exit status would be 1
@@ -105,7 +107,7 @@ class Done(Protocol):
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[Done, int], None] | None]:
     """A progress bar with the time left on a terminal's standard error, nothing in a pipe."""
-    console = Console(stderr=True)
+    console = Output(stderr=True)
     if not console.is_terminal:
         yield None
         return

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from raycheck.base.errors import NotFound
 from raycheck.commands.support import COLOURS, Columns, Output
 from raycheck.grading import course
@@ -40,7 +38,7 @@ def grade(
     by_hand = tables.read_overrides(lists.overrides, asked, students) if lists.overrides else {}
     grader = Grader.prepare(asked, tier)
     out.mkdir(parents=True, exist_ok=True)
-    progress = Console(stderr=True)
+    progress = Output(stderr=True)
 
     def on_result(result: StudentResult) -> None:
         if len(found) > 1:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import typer
-from rich.console import Console
 
 from raycheck.base.statuses import Status
 from raycheck.base.text import duration, percent
@@ -26,7 +25,7 @@ def check_assignment(path: Path, paths_per_second: float, limit: float, names: S
     asked = read_assignment(path)
     chosen = assignments.choose(asked, names or [assignments.FEW])
     grader = Grader.prepare(asked, Tier.NONE)
-    progress = Console(stderr=True)
+    progress = Output(stderr=True)
 
     def on_task(found: assignments.TaskCheck) -> None:
         progress.print(f"{found.task.id}: {duration(found.seconds)}", highlight=False, markup=False)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from rich.console import Console
 from rich.progress import Progress
 
 from raycheck.base.text import duration, percent
@@ -34,7 +33,7 @@ def make(wanted: Sequence[variants.Variant], by: str, goal: making.Goal, jobs: i
     total = sum(plan.seconds for _, _, plan in work)
     console.print(f"about {duration(total)} in all")
     batches = sum(plan.spp // goal.spp_per_batch for _, _, plan in work)
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=Output(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=batches)
         for of, renderer, plan in sorted(work, key=lambda job: job[2].seconds):
             bar.update(task, description=of.label)

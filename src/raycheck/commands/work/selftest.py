@@ -4,8 +4,6 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from raycheck.base.errors import NotFound
 from raycheck.commands.support import Columns, Output
 from raycheck.grading import attacks
@@ -22,7 +20,7 @@ def survive(only: Sequence[str], tier: sandbox.Tier | None) -> bool:
         names = ", ".join(one.name for one in attacks.read_attacks())
         raise NotFound(f"there is no attack {', '.join(only)}; there are {names}")
     tier = _usable(tier) if tier else sandbox.best_tier()
-    progress = Console(stderr=True)
+    progress = Output(stderr=True)
 
     def on_result(result: StudentResult) -> None:
         progress.print(result.student, highlight=False, markup=False)
