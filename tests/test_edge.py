@@ -573,6 +573,46 @@ def test_a_crash_says_how_to_repeat_it(body: str, says: str, tmp_path: Path) -> 
     assert status == (-11 if "SIGSEGV" in says else 7 if "status 7" in says else 0)
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["render", "furnace", "-o", "x.exr", "--spp", "64", "--jobs", "1"], "was ended by SIGSEGV (again: "),
+        (["techniques", "furnace", "--spp", "2"], "walk-uniform: exit status -11 (seed "),
+        (["verify", "furnace", "--technique", "nee"], "Ended by signal SIGSEGV (seed "),
+    ],
+)
+def test_a_crash_of_oneray_says_how_to_repeat_it(words: list[str], says: str, tmp_path: Path) -> None:
+    """Wherever it runs: the command without the temporary folder that it ran in."""
+    fake = tmp_path / "oneray"
+    fake.write_text("#!/bin/sh\nkill -SEGV $$\n", encoding="utf-8")
+    fake.chmod(0o755)
+    done = raycheck(*words, cwd=tmp_path, env={**os.environ, "ONERAY": str(fake)})
+    assert done.returncode == (1 if words[0] == "verify" else 2)
+    said = done.stdout + done.stderr
+    assert says in said, said
+    again = shlex.split(re.search("again: `(.*)`", said)[1])
+    assert again[0] == str(fake) and "--seed" in again and not any("raycheck-" in word for word in again)
+    assert "--spp" in again or again[again.index("--samples") + 1] == "0:2"
+
+
+def test_help_says_what_is_meant_by_default() -> None:
+    """Where a default is not imported to say it."""
+    from raycheck.measuring import prices
+    from raycheck.measuring.races import racing
+    from raycheck.stats.verdict import Limits
+    from raycheck.truth.making import Goal
+
+    def told(command: str) -> str:
+        return " ".join(raycheck(command, "--help").stdout.split())
+
+    wider = Limits().tile / Limits().image
+    assert f"{Limits().image} by default, tiles within {wider:g} times" in told("verify")
+    for error in (Goal().image, Goal().tile):
+        assert f"{error:.0e} by default".replace("e-0", "e-") in told("reference")
+    assert f"x>={prices.LEAST_ROUNDS}" in told("techniques")
+    assert f"default: {racing.ROUNDS}; x>={racing.LEAST_ROUNDS}" in told("report")
+
+
 def test_a_renderer_that_says_that_it_cannot(tmp_path: Path) -> None:
     """Exit status 77: the scene is left out; if nothing else is there to judge, that is status 2."""
     body = """

@@ -113,7 +113,7 @@ static const Option table[] = {
     {"--stats", "FILE", TEXT, AT(stats), .help = "figures as JSON (- for standard output)"},
     {"--quiet", NULL, FLAG, AT(quiet), .help = "no progress line"},
     {"--version", NULL, VERSION, 0, .help = "says which oneray this is"},
-    {"--help", NULL, HELP, 0, .help = "says this"},
+    {"--help", NULL, HELP, 0, .help = "says this; so does -h"},
 };
 enum { OPTIONS = sizeof table / sizeof *table };
 
