@@ -562,13 +562,21 @@ def script(folder: Path, body: str) -> str:
         ("import sys; open(sys.argv[-1], 'w').write('hello')", "image.exr: not an image that can be read"),
     ],
 )
-def test_a_crash_says_how_to_repeat_it(body: str, says: str, tmp_path: Path) -> None:
-    """Seed, samples and the command, which does the same when it is typed."""
-    case = judged(script(tmp_path, body), spp=None)
+def test_a_crash_says_how_to_repeat_it(
+    body: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seed, samples and the command, which does the same when it is typed, also where the scene was written
+    for the run.
+    """
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    depth = {} if "SEGV" in says else {"depth": "-1"}
+    command = script(tmp_path, f"import sys; open(sys.argv[1]).close()\n{body}")
+    case = judged(command, spp=None, parameters=depth)
     assert case.verdict == "FAIL" and says in case.reason
     found = re.search(r" \(seed (\d+), 1 sample per pixel; again: `(.*)`\)$", case.reason)
     assert found, case.reason
-    assert f"--spp 1 --seed {found[1]} -o image.exr" in found[2] and "point-light.xml" in found[2]
+    assert f"--spp 1 --seed {found[1]} -o image.exr" in found[2]
+    assert Path(shlex.split(found[2])[2]).name == f"point-light{'@depth=-1' if depth else ''}.xml"
     status = subprocess.run(shlex.split(found[2]), cwd=tmp_path, capture_output=True).returncode
     assert status == (-11 if "SIGSEGV" in says else 7 if "status 7" in says else 0)
 

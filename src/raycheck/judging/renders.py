@@ -12,7 +12,7 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.base.errors import CannotRender, RenderError, RenderLate, RenderTimeout
 from raycheck.judging import checks
-from raycheck.judging.agenda import Task
+from raycheck.judging.agenda import Task, kept_scene
 from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.evidence import evidence
 from raycheck.judging.plan import Pilot, Plan, measure, pace, plan
@@ -51,7 +51,7 @@ def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Ca
     except CannotRender:
         raise
     except RenderError as error:
-        return case(Outcome.FAIL, str(error))
+        return case(Outcome.FAIL, kept_scene(task, str(error)))
 
 
 @contextmanager

@@ -107,7 +107,7 @@ class Command(TakesPlaceholders):
                 _run(words, Path(folder) / "messages.txt", timeout)
                 seconds = time.perf_counter() - started
                 return Rendering(load_image(_written(Path(folder), output)), seconds)
-            except RenderTimeout:
+            except (RenderTimeout, CannotRender):
                 raise
             except (ImageError, RenderError) as error:
                 again = shlex.join(self.arguments(scene, Path(output.name), spp, seed))
