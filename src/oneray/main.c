@@ -73,8 +73,8 @@ static void write_outputs(const Render *r)
             samples ? "" : ", nothing is written");
     if (samples && o->output)
         picture_write(&r->film, seconds_now() - r->started, instance_name(r), o->exposure, o->output);
-    if (samples && o->film)
-        film_write(&r->film, o->film);
+    if (samples && o->film && !film_write(&r->film, o->film))
+        output_failed(o->film, NULL);
 }
 
 static void render_scene(Options *options)
@@ -115,6 +115,7 @@ static void render_scene(Options *options)
 
 int main(int count, char **words)
 {
+    called_with(words);
     Options options = options_read(count, words);
     if (options.part_count)
         merge(&options);

@@ -1,5 +1,6 @@
 #include "render.h"
 
+#include "film/output.h"
 #include "message.h"
 
 #include <float.h>
@@ -108,10 +109,10 @@ NORETURN static void die_of(const Render *r, size_t pixel, uint64_t sample, cons
         if (radiance[c] > DBL_MAX)
             die("%s: pixel (%zu, %zu), sample %llu%s: radiance overflows %s precision", r->options->scene,
                 pixel % width, pixel / width, (unsigned long long)sample, place, r->options->precision);
-    die("%s: pixel (%zu, %zu), sample %llu, seed %llu%s: radiance (%g, %g, %g) is no radiance: a bug, please "
-        "report it",
+    bug("%s: pixel (%zu, %zu), sample %llu of %llu, seed %llu%s: radiance (%g, %g, %g) is no radiance",
         r->options->scene, pixel % width, pixel / width, (unsigned long long)sample,
-        (unsigned long long)r->options->seed, place, radiance[0], radiance[1], radiance[2]);
+        (unsigned long long)r->wanted, (unsigned long long)r->options->seed, place, radiance[0], radiance[1],
+        radiance[2]);
 }
 
 /* Where the window's pixel is in the image, in reading order; *count, of pixels from it on, is cut to as many
@@ -292,7 +293,8 @@ static void save(Render *r)
     if (!r->options->checkpoint || !film_samples(&r->film))
         return;
     r->saved = seconds_now();
-    film_write(&r->film, r->options->checkpoint);
+    if (!film_write(&r->film, r->options->checkpoint))
+        warn("%s: cannot be written: %s; the render goes on", r->options->checkpoint, output_reason(NULL));
 }
 
 /* Takes over the checkpoint's samples, if there is one. */

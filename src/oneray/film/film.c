@@ -173,18 +173,20 @@ static bool read_pixels(double *numbers, size_t pixels, FILE *stream)
     return true;
 }
 
-void film_write(const Film *film, const char *file)
+bool film_write(const Film *film, const char *file)
 {
     char temporary[OUTPUT_NAME];
     const Window *w = &film->window;
     FILE *stream = output_open(file, temporary);
+    if (!stream)
+        return false;
     fprintf(stream, "oneray film 2\n%s\n%d %d %d %d %d %d %d\n", film->identity, w->image_width,
         w->image_height, w->x, w->y, w->width, w->height, film->layer_count);
     for (int k = 0; k < film->layer_count; k++) {
         fprintf(stream, "%d %llu\n", film->layers[k].level, (unsigned long long)film->layers[k].index);
         write_pixels(film->layers[k].pixels, film_pixels(film), stream);
     }
-    output_close(stream, file, temporary);
+    return output_close(stream, file, temporary);
 }
 
 /* Up to the first layer; returns how many there are. */

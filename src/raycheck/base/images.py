@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from raycheck.base.arrays import Array
 from raycheck.base.errors import ImageError
+from raycheck.base.files import whole
 
 MAX_PIXELS = 1 << 26
 """Larger images are refused before they are decoded."""
@@ -305,7 +306,7 @@ def decode_srgb(encoded: Array) -> Array:
 def write_pfm(path: Path, pixels: Array) -> None:
     """Write (H, W, 3) as a little-endian PFM."""
     height, width, _ = pixels.shape
-    with path.open("wb") as file:
+    with whole(path) as partial, partial.open("wb") as file:
         file.write(f"PF\n{width} {height}\n-1.0\n".encode())
         file.write(np.ascontiguousarray(pixels[::-1], dtype="<f4").tobytes())
 
@@ -318,7 +319,7 @@ def write_exr(path: Path, channels: Mapping[str, Array], half: bool = False) -> 
     data = np.stack([channels[n] for n in names], axis=2).astype(np.float32)
     spec = oiio.ImageSpec(data.shape[1], data.shape[0], len(names), oiio.HALF if half else oiio.FLOAT)
     spec.channelnames = tuple(names)
-    _write(path, spec, data)
+    write_image(path, spec, data)
 
 
 def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
@@ -326,17 +327,20 @@ def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
     import OpenImageIO as oiio
 
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT8)
-    _write(path, spec, pixels)
+    write_image(path, spec, pixels)
 
 
-def _write(path: Path, spec: Any, data: NDArray[Any]) -> None:
+def write_image(path: Path, spec: Any, data: NDArray[Any]) -> None:
+    """Write an image of that specification as a whole or not at all; OSError where the disk is full."""
     import OpenImageIO as oiio
 
-    writer = oiio.ImageOutput.create(utf8(path))
-    if (
-        writer is None
-        or not writer.open(str(path), spec)
-        or not writer.write_image(np.ascontiguousarray(data))
-    ):
-        raise ImageError(f"{path}: {_said(writer.geterror() if writer else oiio.geterror(), path)}")
-    writer.close()
+    with whole(path) as partial:
+        writer = oiio.ImageOutput.create(utf8(partial))
+        if writer is not None and writer.open(str(partial), spec):
+            writer.write_image(np.ascontiguousarray(data))
+            writer.close()
+        said = writer.geterror() if writer else oiio.geterror()
+        if said:
+            with partial.open("ab") as file:  # where it is the disk that is full, this says so
+                file.write(bytes(1 << 20))
+            raise ImageError(f"{path}: {_said(said, path)}")

@@ -37,9 +37,11 @@ Seconds = Annotated[
     float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
 ]
 Delta = Annotated[
-    float,
+    float | None,
     typer.Option(
-        min=1e-4, max=0.5, help="A PASS means: the image within this of the reference, tiles within 5 times."
+        min=1e-4,
+        max=0.5,
+        help="A PASS means: the image within this of the reference, 0.01 by default, tiles within 5 times.",
     ),
 ]
 Thorough = Annotated[bool, typer.Option("--thorough", help="As many samples as the committed result has.")]

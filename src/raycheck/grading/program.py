@@ -15,7 +15,7 @@ from raycheck.base.text import last_words
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail
-from raycheck.renderers.commands import TakesPlaceholders, split_command
+from raycheck.renderers.commands import TakesPlaceholders, refuse_unknown, split_command
 from raycheck.renderers.renderer import Renderer, Rendering
 from raycheck.scene import document, export
 from raycheck.scene.reader import read_scene
@@ -93,6 +93,9 @@ class Tried(Renderer, Protocol):
     def has_time(self, spp: int, more: int, pictures: int) -> bool: ...
 
 
+PLACEHOLDERS = ("output", "scene", "json", "name", "task", "spp", "seed")
+
+
 @dataclass
 class Program(Taken, TakesPlaceholders):
     """The run command on one scene; a renderer as raycheck.verify takes it."""
@@ -113,6 +116,7 @@ class Program(Taken, TakesPlaceholders):
     def __post_init__(self) -> None:
         try:
             self.words = split_command(self.command)
+            refuse_unknown(self.words, PLACEHOLDERS, "the run command")
         except NotFound as error:
             raise RenderError(str(error)) from None
         if not self.takes("{output}"):

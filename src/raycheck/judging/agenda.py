@@ -1,6 +1,7 @@
 """What a run of verify judges: cases of a scene and a technique, and which were left out and why."""
 
 import re
+import shutil
 import subprocess
 import tempfile
 from collections import Counter
@@ -74,10 +75,7 @@ def oneray_agenda(
     depths, with oneray's default technique.
     """
     oneray = oneray_path()
-    try:
-        chosen = [technique(name) for name in techniques]
-    except KeyError as error:
-        raise NotFound(error.args[0]) from None
+    chosen = [technique(name) for name in techniques]
     _require_rendered(oneray, scenes)
     agenda = Agenda()
     pairs = []
@@ -153,6 +151,17 @@ def write_variant(of: Variant, folder: Path) -> Path:
     path = folder / f"{re.sub(r'[^-@=,.+A-Za-z0-9_]', '_', of.label)}.xml"
     document.write(of.document().moved(lambda mesh: str(mesh.resolve())), path)
     return path
+
+
+def kept_scene(task: Task, said: str) -> str:
+    """A scene file that was written for this run is kept where a sentence names it, which then names the
+    copy: its command can be repeated.
+    """
+    if task.path == task.of.path or str(task.path) not in said:
+        return said
+    copy = Path(tempfile.mkdtemp(prefix="raycheck-scene-")) / task.path.name
+    shutil.copy(task.path, copy)
+    return said.replace(str(task.path), str(copy))
 
 
 def _names(scenes: Sequence[Variant]) -> str:

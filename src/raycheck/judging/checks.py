@@ -101,7 +101,9 @@ def shared_noise(images: Array) -> str | None:
     noise -= noise.mean(axis=0)
     size = noise.std(axis=0)
     noise = np.where(varies, noise / np.where(size > 0, size, 1.0), 0.0)
-    of_seeds = np.tensordot(noise, noise, axes=([1, 2], [1, 2])) / varies.sum()
+    of_seeds = np.tensordot(noise, noise, axes=([1, 2], [1, 2]))
+    length = np.sqrt(of_seeds.diagonal())
+    of_seeds /= np.maximum(np.outer(length, length), 1e-30)
     np.fill_diagonal(of_seeds, 0.0)
     if of_seeds.max() > SHARED:
         one, other = sorted(np.unravel_index(int(of_seeds.argmax()), of_seeds.shape))
