@@ -119,7 +119,7 @@ FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,add
     -Isrc/oneray -I$(BUILD) -include tests/fuzz/harness.h
 stems = $(basename $(notdir $(wildcard src/oneray/$(1)/*.c)))
 FUZZ_MESH := harness message text $(call stems,meshes)
-FUZZ_SCENE := $(FUZZ_MESH) $(call stems,scene)
+FUZZ_SCENE := $(FUZZ_MESH) $(call stems,trees) $(call stems,scene)
 vpath %.c tests/fuzz
 
 $(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile

@@ -22,7 +22,12 @@ static const Plugin diskspot_plugin = {"diskspot", diskspot_check, {
     {"beam_width", AS_FLOAT, offsetof(Diskspot, spot.beam_width), "[0,180]", ""},
     {"radius", AS_FLOAT, offsetof(Diskspot, radius), "[0,inf)", "1"}}};
 
-static inline EmitterTraits diskspot_traits(const Diskspot *e) { return spot_traits(&e->spot); }
+static inline EmitterTraits diskspot_traits(const Diskspot *e)
+{
+    EmitterTraits traits = spot_traits(&e->spot);
+    traits.radius = e->radius;
+    return traits;
+}
 
 #ifdef LANES
 

@@ -14,7 +14,7 @@ static const Plugin area_plugin = {"area", NULL, {
 
 static inline EmitterTraits area_traits(const Area *e)
 {
-    return (EmitterTraits){FROM_SHAPE, e->radiance, NULL, PI, NULL};
+    return (EmitterTraits){FROM_SHAPE, e->radiance, NULL, PI, NULL, 0};
 }
 
 #ifdef LANES

@@ -14,7 +14,7 @@ static const Plugin constant_plugin = {"constant", NULL, {
 
 static inline EmitterTraits constant_traits(const Constant *e)
 {
-    return (EmitterTraits){FROM_AROUND, e->radiance, NULL, 4 * PI * PI, NULL};
+    return (EmitterTraits){FROM_AROUND, e->radiance, NULL, 4 * PI * PI, NULL, 0};
 }
 
 #ifdef LANES

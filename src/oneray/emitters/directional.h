@@ -33,7 +33,7 @@ static const Plugin directional_plugin = {"directional", directional_check, {
 
 static inline EmitterTraits directional_traits(const Directional *e)
 {
-    return (EmitterTraits){FROM_AFAR, e->irradiance, NULL, PI, NULL};
+    return (EmitterTraits){FROM_AFAR, e->irradiance, NULL, PI, NULL, 0};
 }
 
 #ifdef LANES

@@ -26,7 +26,7 @@ static const Plugin point_plugin = {"point", point_check, {
 
 static inline EmitterTraits point_traits(const Point *e)
 {
-    return (EmitterTraits){FROM_POINT, e->intensity, e->position, 4 * PI, NULL};
+    return (EmitterTraits){FROM_POINT, e->intensity, e->position, 4 * PI, NULL, 0};
 }
 
 #ifdef LANES

@@ -40,7 +40,7 @@ static inline EmitterTraits spot_traits(const Spot *e)
     double flux = 2 * PI * (1 - cos((e->cutoff_angle + e->beam_width) / 2));
     bool sharp = e->cutoff_angle < 1e-3 || e->cutoff_angle - e->beam_width < 1e-3 * e->cutoff_angle;
     return (EmitterTraits){FROM_POINT, e->intensity, e->position, flux,
-        sharp ? "a spot with a cone or rim of less than 0.001" : NULL};
+        sharp ? "a spot with a cone or rim of less than 0.001" : NULL, 0};
 }
 
 #ifdef LANES

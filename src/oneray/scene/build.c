@@ -399,5 +399,6 @@ Description *description_read(const char *file, const Parameter *given, int coun
     read_scene(&builder, scene->root);
     check_lengths(d, file);
     scene_file_close(scene);
+    d->mesh_tree = mesh_tree_build(&d->mesh);
     return d;
 }
