@@ -60,10 +60,9 @@ static void compute_normals(Mesh *mesh)
         for (int k = 0; k < 3; k++) {
             double a[3], b[3], across[3];
             triangle_edges(mesh, t, k, a, b, across);
-            double angle = atan2(length(across), dot(a, b));
-            normalise(across);
+            double size = length(across), angle = atan2(size, dot(a, b));
             for (int i = 0; i < 3; i++)
-                mesh->normal[mesh->triangle[t][k]][i] += angle * across[i];
+                mesh->normal[mesh->triangle[t][k]][i] += angle * (across[i] / size);
         }
     for (int v = 0; v < mesh->vertex_count; v++)
         normalise(mesh->normal[v]);
