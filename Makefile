@@ -4,7 +4,7 @@
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make report     races all techniques and Mitsuba's two variants in every scene for twelve minutes, leaves build/report/index.html
-# make stability  how far both renderers hold in stiff cases, ten minutes, into references/stability.json
+# make stability  how far both renderers hold in stiff cases, ten minutes, into references/stability.json and precisions.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, twenty minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, three hours of one core, into references/calibration.json, signatures, parts and harness_mutants.json
 # make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
@@ -207,6 +207,7 @@ report: $(BUILD)/.system-test $(VENV)/.test
 stability: $(BUILD)/.system-test $(VENV)/.test
 	+$(ALL)
 	$(RAYCHECK) stability --json references/stability.json
+	$(PYTHON) scripts/precisions.py --json references/precisions.json
 	$(PYTHON) scripts/readme.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test

@@ -4,7 +4,8 @@
    known to u M. What matters of it is its share of the smallest thing that the light depends on: the size of a
    shape, a gap between two, the height of a light over a plane, a pixel. Limits are set so that each share is
    below 1e-3, and its part in a pixel's value, where such errors are random and the share of the picture is
-   small, below 1e-5. Anything unusual is left to double. */
+   small, below 1e-5. Surfaces closer than the rounding itself are in one place, and only where it does not matter
+   which of them a ray meets (gaps.c). Anything unusual is left to double. */
 #include "scene/precision.h"
 
 #include "scene/gaps.h"
