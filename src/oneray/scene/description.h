@@ -74,6 +74,7 @@ typedef struct {
     int mesh_file_count;
     Emitter *emitters;
     int emitter_count;
+    bool hinted;   /* it was said why the picture may be black */
     uint64_t hash; /* FNV-1a of the bytes of the file and of its mesh files, and the sorted -D parameters */
 } Description;
 

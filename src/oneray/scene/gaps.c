@@ -262,8 +262,9 @@ typedef struct {
     bool (*use)(void *to, int triangle);
 } Query;
 
-static bool may_hold(const Query *q, const TreeBox *box)
+static bool may_hold(const void *query, const TreeBox *box)
 {
+    const Query *q = query;
     double center[3], reach = q->limit;
     if (apart(box, q->box.low, q->box.high, -q->limit))
         return false;
@@ -289,28 +290,14 @@ static TreeBox box_of_triangle(const Description *d, int t)
     return box;
 }
 
-static bool ask(const Query *q)
+static bool use_if_close(void *query, int t)
 {
-    const MeshTree *tree = &q->d->mesh_tree;
-    int32_t pending[BVH_DEPTH * BVH_WIDTH] = {0};
-    for (int count = tree->bvh.node_count > 0; count > 0;) {
-        int32_t next = pending[--count];
-        for (int k = 0; next >= 0 && k < BVH_WIDTH; k++) {
-            int32_t child = tree->bvh.nodes[next].child[k];
-            if (child != -1 && may_hold(q, child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child]))
-                pending[count++] = child;
-        }
-        if (next >= 0)
-            continue;
-        const int32_t *leaf = tree->bvh.leaves[-2 - next];
-        for (int i = leaf[0]; i < leaf[0] + leaf[1]; i++) {
-            TreeBox box = box_of_triangle(q->d, tree->triangle[i]);
-            if (may_hold(q, &box) && q->use(q->to, tree->triangle[i]))
-                return true;
-        }
-    }
-    return false;
+    const Query *q = query;
+    TreeBox box = box_of_triangle(q->d, t);
+    return may_hold(q, &box) && q->use(q->to, t);
 }
+
+static bool ask(Query *q) { return mesh_tree_visit(&q->d->mesh_tree, q, may_hold, q, use_if_close); }
 
 static const Shape *shape_of_triangle(const Description *d, int t)
 {

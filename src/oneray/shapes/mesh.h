@@ -74,7 +74,11 @@ static inline void mesh_check(void *plugin, Said *said)
     s->filename.bytes = NULL;
     if (!mesh.triangle_count)
         die_at(file, 1, "the mesh has no faces");
-    mesh_finish(&mesh, file, &s->placed.to_world, s->placed.flip_normals, s->face_normals);
+    if (!mesh_finish(&mesh, file, &s->placed.to_world, s->placed.flip_normals, s->face_normals)) {
+        said->left_out = "none of this mesh's triangles has an area: it is left out";
+        mesh_free(&mesh);
+        return;
+    }
     if (all->triangle_count > MESH_MOST - mesh.triangle_count || all->vertex_count > MESH_MOST - mesh.vertex_count)
         fail(said, "the scene's meshes have more than %d triangles or vertices", MESH_MOST);
     s->all = all;

@@ -88,6 +88,25 @@ MeshTree mesh_tree_build(const Mesh *mesh)
     return tree;
 }
 
+bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(const void *, const TreeBox *),
+    void *to, bool (*use)(void *to, int triangle))
+{
+    int32_t pending[BVH_DEPTH * BVH_WIDTH] = {0};
+    for (int count = tree->bvh.node_count > 0; count > 0;) {
+        int32_t next = pending[--count];
+        for (int k = 0; next >= 0 && k < BVH_WIDTH; k++) {
+            int32_t child = tree->bvh.nodes[next].child[k];
+            if (child != -1 && enters(query, child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child]))
+                pending[count++] = child;
+        }
+        const int32_t *leaf = next < 0 ? tree->bvh.leaves[-2 - next] : NULL;
+        for (int i = 0; leaf && i < leaf[1]; i++)
+            if (use(to, tree->triangle[leaf[0] + i]))
+                return true;
+    }
+    return false;
+}
+
 void mesh_tree_free(MeshTree *tree)
 {
     bvh_free(&tree->bvh);

@@ -5,6 +5,8 @@
 #include "meshes/mesh.h"
 #include "trees/bvh.h"
 
+#include <stdbool.h>
+
 typedef struct {
     double low[3], high[3];
 } TreeBox;
@@ -19,4 +21,7 @@ enum { LEAF_TRIANGLES = 8 };
 
 /* Empty for a mesh without triangles. */
 MeshTree mesh_tree_build(const Mesh *mesh);
+/* Goes down into the boxes that `enters`, until `use` of a triangle in one of them returns true; did it? */
+bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(const void *, const TreeBox *),
+    void *to, bool (*use)(void *to, int triangle));
 void mesh_tree_free(MeshTree *tree);
