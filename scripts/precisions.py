@@ -18,7 +18,9 @@ from raycheck.measuring.stability import precisions
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="the result, for references/precisions.json")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="the result, for references/precisions.json"
+    )
     parser.add_argument("--scenes", type=int, nargs="+", metavar="N", help=f"of 0 to {precisions.COUNT - 1}")
     options = parser.parse_args()
 

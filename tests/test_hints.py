@@ -1,4 +1,4 @@
-"""Nothing ends black, or short of its goal, without a word: one warning each, what is amiss and what to do."""
+"""Nothing ends black, or short of its goal, without a word: one warning, what is amiss and what to do."""
 
 from __future__ import annotations
 
@@ -38,28 +38,38 @@ def turned_over(more: str) -> str:
 BLACK = {
     "no light": (FLOOR, {}, "the scene has no light, the picture is black: an <emitter> is wanted"),
     "a mesh from behind": (
-        turned_over(diffuse(0.5)) + LAMP, {"eye": "4, 0, 0", "fov": 20},
+        turned_over(diffuse(0.5)) + LAMP,
+        {"eye": "4, 0, 0", "fov": 20},
         "from the camera this shape shows its back alone, which is black: put its bsdf into <bsdf "
         'type="twosided">, or set flip_normals',
     ),
     "a floor from behind": (
         FLOOR + '<emitter type="point"><point name="position" x="0" y="0" z="-1"/></emitter>',
-        {"eye": "0, 0, -2"}, "what is seen, or lit, shows its back, which is black: put its bsdf",
+        {"eye": "0, 0, -2"},
+        "what is seen, or lit, shows its back, which is black: put its bsdf",
     ),
     "a lamp that is turned over": (
-        FLOOR + TURNED, {}, "the lamps shine to their other side: set their flip_normals",
+        FLOOR + TURNED,
+        {},
+        "the lamps shine to their other side: set their flip_normals",
     ),
     "direct light of a lamp behind glass": (
-        FLOOR + LAMP + square(0, 0.5, 40, "").replace(
-            diffuse(0), '<bsdf type="dielectric"><float name="int_ior" value="1.5"/>'
-            '<float name="ext_ior" value="1.5"/></bsdf>'), {"depth": 2, "eye": "0, 0, 0.4"},
+        FLOOR
+        + LAMP
+        + square(0, 0.5, 40, "").replace(
+            diffuse(0),
+            '<bsdf type="dielectric"><float name="int_ior" value="1.5"/>'
+            '<float name="ext_ior" value="1.5"/></bsdf>',
+        ),
+        {"depth": 2, "eye": "0, 0, 0.4"},
         "no path is long enough for light: give it a larger max_depth",
     ),
     "a lid on the lamp": (
-        FLOOR + LAMP + square(0, 0.9, 40), {"eye": "0, 0, 0.5"},
+        FLOOR + LAMP + square(0, 0.9, 40),
+        {"eye": "0, 0, 0.5"},
         "no light comes to what is seen: is something in its way? If not, take more samples",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", BLACK)
@@ -100,9 +110,7 @@ def test_too_few_samples(oneray: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("shape", ["mesh", "cube", "sphere"])
 def test_a_body_from_behind_in_a_picture_that_is_not_black(oneray: Path, tmp_path: Path, shape: str) -> None:
-    """As is the one that the camera is in. Where its front shows, or it is two-sided, or shines, or is not in view,
-    there is nothing to say.
-    """
+    """Where its front shows, or it is two-sided, or shines, there is nothing to say."""
     write_ply(tmp_path / "mesh.ply", *ball(6))
 
     def said(more: str, **settings: object) -> int:
@@ -130,7 +138,16 @@ def test_a_body_out_of_view_is_none_of_it(oneray: Path, tmp_path: Path) -> None:
 
 
 def test_screens_may_show_their_backs(oneray: Path, tmp_path: Path) -> None:
-    assert run(oneray, tmp_path, world(square(0, 0, 1).replace(diffuse(0), diffuse(0.5)) + sky(), fov=120), "--spp", 1).stderr == ""
+    assert (
+        run(
+            oneray,
+            tmp_path,
+            world(square(0, 0, 1).replace(diffuse(0), diffuse(0.5)) + sky(), fov=120),
+            "--spp",
+            1,
+        ).stderr
+        == ""
+    )
 
 
 def test_normals_that_cancel(oneray: Path, tmp_path: Path) -> None:
@@ -140,8 +157,8 @@ def test_normals_that_cancel(oneray: Path, tmp_path: Path) -> None:
     scene = world(mesh + sky(), eye="0, 4, 4", fov=30)
     done = run(oneray, tmp_path, scene.format(""), "--spp", 16)
     assert done.stderr == (
-        f"oneray: warning: {tmp_path}/both.obj: at 4 of 4 vertices the faces look both ways, so that their normals "
-        "cancel: set face_normals, or give each side vertices of its own\n"
+        f"oneray: warning: {tmp_path}/both.obj: at 4 of 4 vertices the faces look both ways, so that their "
+        "normals cancel: set face_normals, or give each side vertices of its own\n"
     )
     computed = load_image(tmp_path / "out.exr").pixels
     flat = run(oneray, tmp_path, scene.format('<boolean name="face_normals" value="true"/>'), "--spp", 16)
@@ -166,7 +183,10 @@ def test_a_mesh_without_area_is_left_out(oneray: Path, tmp_path: Path) -> None:
 BUDGETS = {
     "time": (("--time", 0.3), "--time ended with "),
     "samples": (("--spp", 20), "--spp ended with 20 samples per pixel and an error of "),
-    "one sample": (("--spp", 1), "--spp ended with one sample per pixel, whose error is not known: --error 1e-06"),
+    "one sample": (
+        ("--spp", 1),
+        "--spp ended with one sample per pixel, whose error is not known: --error 1e-06",
+    ),
 }
 
 

@@ -26,8 +26,8 @@ WAYS = (
 )  # fmt: skip
 LIGHT_WAYS = ("--estimator nee", "", "--light-choice learned", "--light-choice uniform", "--estimator light")
 REFLECTANCE, TRANSMITTANCE = np.array([0.5, 0.3, 0.0]), np.array([0.3, 0.5, 0.6])
-SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{', '.join(map(str, REFLECTANCE))}"/>
-    <rgb name="transmittance" value="{', '.join(map(str, TRANSMITTANCE))}"/></bsdf>"""
+SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{", ".join(map(str, REFLECTANCE))}"/>
+    <rgb name="transmittance" value="{", ".join(map(str, TRANSMITTANCE))}"/></bsdf>"""
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +144,14 @@ def test_a_wall_that_it_reaches_through_hides_what_is_behind(renderer: Oneray) -
     angle, cutoff, beam = np.arccos(cosine), np.radians(40), np.radians(30)
     falloff = np.where(angle <= beam, 1, np.clip((cutoff - angle) / (cutoff - beam), 0, None))
     seen = np.where(x > -0.5, falloff * cosine / (r2 + 4), 0)[r2 <= 1.5**2].mean()
-    shows(renderer, world(SMALL.format(diffuse(0.5)) + WALL + spot), "", [10 * 0.5 / np.pi * seen] * 3, 4096, 1e-3)
+    shows(
+        renderer,
+        world(SMALL.format(diffuse(0.5)) + WALL + spot),
+        "",
+        [10 * 0.5 / np.pi * seen] * 3,
+        4096,
+        1e-3,
+    )
 
 
 @pytest.mark.parametrize(("radius", "wanted"), [(0.1, "single"), (0.5, "double")])

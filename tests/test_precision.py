@@ -184,41 +184,57 @@ LAMP = placed(
     "rectangle", '<rotate x="1" angle="180"/><scale value="0.5"/><translate z="5"/>', diffuse(0) + glow(3)
 )
 MADE = {
-    "a box of another colour on the floor": (GROUND + placed("cube", BOX.format(0.5 + 1e-9), diffuse(0.2)), "single"),
+    "a box of another colour on the floor": (
+        GROUND + placed("cube", BOX.format(0.5 + 1e-9), diffuse(0.2)),
+        "single",
+    ),
     "a box a little above it": (GROUND + placed("cube", BOX.format(0.5 + 1e-5), diffuse(0.2)), "double"),
     "a box on a table whose other side is seen": (
-        GROUND + placed("rectangle", '<translate z="1"/>', matte(0.5)) + placed("cube", BOX.format(1.5 + 1e-9), matte(0.2)),
+        GROUND
+        + placed("rectangle", '<translate z="1"/>', matte(0.5))
+        + placed("cube", BOX.format(1.5 + 1e-9), matte(0.2)),
         "double",
     ),
     "a box of glass on the floor": (GROUND + placed("cube", BOX.format(0.5 + 1e-9), GLASS), "double"),
     "a box that shines on the floor": (GROUND + placed("cube", BOX.format(0.5 + 1e-9), glow(1)), "double"),
     "a lamp in the box on the floor": (
-        GROUND + placed("cube", BOX.format(0.5 + 1e-9), matte(0.2))
+        GROUND
+        + placed("cube", BOX.format(0.5 + 1e-9), matte(0.2))
         + '<emitter type="point"><point name="position" x="0" y="0" z="0.5"/></emitter>',
         "double",
     ),
     "a box on a box": (
-        GROUND + placed("cube", BOX.format(0.5), diffuse(0.2))
+        GROUND
+        + placed("cube", BOX.format(0.5), diffuse(0.2))
         + placed("cube", BOX.format(1.5 + 1e-9), diffuse(0.3)),
         "single",
     ),
-    "two sheets of the same stuff": (GROUND + placed("rectangle", '<translate z="1e-9"/>', diffuse(0.5)), "double"),
+    "two sheets of the same stuff": (
+        GROUND + placed("rectangle", '<translate z="1e-9"/>', diffuse(0.5)),
+        "double",
+    ),
     "tiles beside each other": (
         placed("rectangle", '<translate x="1"/>', diffuse(0.5))
         + placed("rectangle", '<translate x="-1" z="1e-8"/>', diffuse(0.5)),
         "single",
     ),
     "two spheres, one just within the other": (
-        GROUND + sphere(0, 0, 1, 0.5, matte(0.5)) + sphere(0, 0, 1, 0.50001, matte(0.2)), "double",
+        GROUND + sphere(0, 0, 1, 0.5, matte(0.5)) + sphere(0, 0, 1, 0.50001, matte(0.2)),
+        "double",
     ),
     "two spheres, one well within the other": (
-        GROUND + sphere(0, 0, 1, 0.5, matte(0.5)) + sphere(0, 0, 1, 0.8, matte(0.2)), "single",
+        GROUND + sphere(0, 0, 1, 0.5, matte(0.5)) + sphere(0, 0, 1, 0.8, matte(0.2)),
+        "single",
     ),
-    "a sphere light within a sphere": (GROUND + sphere(0, 0, 2, 0.5, glow(1)) + sphere(0, 0, 2, 0.9, GLASS), "single"),
+    "a sphere light within a sphere": (
+        GROUND + sphere(0, 0, 2, 0.5, glow(1)) + sphere(0, 0, 2, 0.9, GLASS),
+        "single",
+    ),
     "a sphere light just within a sphere": (
-        GROUND + sphere(0, 0, 2, 0.5, glow(1)) + sphere(0, 0, 2, 0.5005, GLASS), "double",
+        GROUND + sphere(0, 0, 2, 0.5, glow(1)) + sphere(0, 0, 2, 0.5005, GLASS),
+        "double",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -240,41 +256,56 @@ AMONG_TRIANGLES = {
         20,
         placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
         + placed("ply", '<scale value="1.00001"/><translate z="2"/>', ROUND + diffuse(0.2)),
-        "double", "a gap",
+        "double",
+        "a gap",
     ),
     "one of many around another": (
         200,
         placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
         + placed("ply", '<scale value="1.00001"/><translate z="2"/>', ROUND + diffuse(0.2)),
-        "double", "a gap",
+        "double",
+        "a gap",
     ),
     "a sphere just around it": (
-        20, placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5)) + sphere(0, 0, 2, 1.0001, matte(0.5)),
-        "double", "a gap",
+        20,
+        placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5)) + sphere(0, 0, 2, 1.0001, matte(0.5)),
+        "double",
+        "a gap",
     ),
     "a sphere light near it": (
-        20, placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5)) + sphere(0, 0, 3.3, 0.3001, glow(1)),
-        "double", "a gap",
+        20,
+        placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5)) + sphere(0, 0, 3.3, 0.3001, glow(1)),
+        "double",
+        "a gap",
     ),
     "a sphere light in it": (
-        20, placed("ply", '<translate z="2"/>', ROUND + matte(0.5)) + sphere(0, 0, 2, 0.3, glow(1)), "single", "",
+        20,
+        placed("ply", '<translate z="2"/>', ROUND + matte(0.5)) + sphere(0, 0, 2, 0.3, glow(1)),
+        "single",
+        "",
     ),
     "a point light on it": (
-        3, placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
+        3,
+        placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
         + '<emitter type="point"><point name="position" x="0" y="0" z="3.00001"/></emitter>',
-        "double", "a light in the plane of line",
+        "double",
+        "a light in the plane of line",
     ),
     "a point light above it": (
-        20, placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
+        20,
+        placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
         + '<emitter type="point"><point name="position" x="0" y="0" z="3.5"/></emitter>',
-        "single", "",
+        "single",
+        "",
     ),
     "a sheet through it": (
-        20, placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
+        20,
+        placed("ply", '<translate z="2"/>', ROUND + diffuse(0.5))
         + placed("rectangle", '<rotate x="1" angle="30"/><translate z="2"/>', matte(0.3)),
-        "single", "",
+        "single",
+        "",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", AMONG_TRIANGLES)
@@ -293,8 +324,12 @@ def test_a_small_sheet_of_a_large_mesh_is_seen(oneray: Path, tmp_path: Path, apa
     points, faces = ball(200)
     first = len(points)
     corners = np.array([(x, y) for y in (-0.1, 0.1) for x in (-0.1, 0.1)])
-    sheets = np.vstack([np.column_stack([corners * size, np.full(4, z)]) for size, z in ((1, 2.0), (0.5, 2 + apart))])
-    quads = [(first + k + a, first + k + b, first + k + c) for k in (0, 4) for a, b, c in ((0, 1, 3), (0, 3, 2))]
+    sheets = np.vstack(
+        [np.column_stack([corners * size, np.full(4, z)]) for size, z in ((1, 2.0), (0.5, 2 + apart))]
+    )
+    quads = [
+        (first + k + a, first + k + b, first + k + c) for k in (0, 4) for a, b, c in ((0, 1, 3), (0, 3, 2))
+    ]
     write_ply(tmp_path / "ball.ply", np.vstack([points, sheets]), np.vstack([faces, quads]))
     body = f'<shape type="ply">{ROUND}<boolean name="face_normals" value="true"/>{matte(0.5)}</shape>' + sky()
     text = world(body, eye="0, 0, 2.5", fov=10)

@@ -185,25 +185,27 @@ static double beyond(const double low[3], const double high[3], const double n[3
     return reach;
 }
 
+static double shorter_side(const Face *face)
+{
+    double one[3], next[3];
+    difference(face->corner[1], face->corner[0], one);
+    difference(face->corner[2], face->corner[1], next);
+    return fmin(norm(one), norm(next));
+}
+
 /* Does nothing look at the face from the side that n points to? No camera and no light is there, and what else is
    there is so low, of a 32nd of the smaller face at most, that less than a thousandth of the light that came round
    the edge goes to it and back. */
 static bool is_bottom(const Search *s, const Face *a, const Face *b, const double n[3])
 {
     const double *p = a->corner[0];
-    double deepest = beyond(s->all.low, s->all.high, n, p), size = HUGE_VAL, touch = s->gap->touch;
+    double deepest = beyond(s->all.low, s->all.high, n, p), touch = s->gap->touch;
+    double size = fmin(shorter_side(a), shorter_side(b));
     if (deepest <= touch)
         return true;
-    for (int c = 0; c < 2; c++)
-        for (const Face *face = a;; face = b) {
-            double edge[3];
-            difference(face->corner[c + 1], face->corner[c], edge);
-            size = fmin(size, norm(edge));
-            if (face == b)
-                break;
-        }
     SensorTraits sensor = sensor_traits(&s->d->sensor);
-    bool bottom = deepest <= size / 32 && !s->far_light && beyond(sensor.origin, sensor.origin, n, p) <= touch;
+    bool bottom =
+        deepest <= size / 32 && !s->far_light && beyond(sensor.origin, sensor.origin, n, p) <= touch;
     for (int i = 0; i < s->d->emitter_count && bottom; i++) {
         const Emitter *light = &s->d->emitters[i];
         EmitterTraits traits = emitter_traits(light);
@@ -282,7 +284,8 @@ static TreeBox box_of_triangle(const Description *d, int t)
     const int32_t *corner = d->mesh.triangle[t];
     TreeBox box;
     for (int i = 0; i < 3; i++) {
-        double x = d->mesh.vertex[corner[0]][i], y = d->mesh.vertex[corner[1]][i], z = d->mesh.vertex[corner[2]][i];
+        double x = d->mesh.vertex[corner[0]][i], y = d->mesh.vertex[corner[1]][i],
+               z = d->mesh.vertex[corner[2]][i];
         double low = x < y ? x : y, high = x < y ? y : x;
         box.low[i] = low < z ? low : z;
         box.high[i] = high > z ? high : z;
@@ -541,7 +544,8 @@ bool find_narrow_gap(const Description *d, Gap *gap)
     SensorTraits sensor = sensor_traits(&d->sensor);
     scene_bounds(d, s.all.low, s.all.high);
     for (int i = -1; i < d->emitter_count; i++) {
-        EmitterTraits traits = i < 0 ? (EmitterTraits){.position = sensor.origin} : emitter_traits(&d->emitters[i]);
+        EmitterTraits traits =
+            i < 0 ? (EmitterTraits){.position = sensor.origin} : emitter_traits(&d->emitters[i]);
         if (i >= 0)
             s.far_light |= traits.from == FROM_AFAR || traits.from == FROM_AROUND;
         if (!traits.position)

@@ -15,7 +15,8 @@ static bool may_block(const void *query, const TreeBox *box)
     const Way *way = query;
     double enter = 0, leave = 1;
     for (int i = 0; i < 3; i++) {
-        double one = (box->low[i] - way->o[i]) / way->way[i], other = (box->high[i] - way->o[i]) / way->way[i];
+        double one = (box->low[i] - way->o[i]) / way->way[i],
+               other = (box->high[i] - way->o[i]) / way->way[i];
         enter = fmax(enter, fmin(one, other));
         leave = fmin(leave, fmax(one, other));
     }
@@ -86,7 +87,8 @@ static bool may_be_seen(const Shape *shape, const SensorTraits *eye)
     double distance = norm(center), radius = norm(half);
     if (distance <= radius)
         return true;
-    return acos(fmax(-1, fmin(1, dot(center, eye->axis) / distance))) - asin(radius / distance) < acos(eye->cosine);
+    return acos(fmax(-1, fmin(1, dot(center, eye->axis) / distance))) - asin(radius / distance)
+           < acos(eye->cosine);
 }
 
 /* Of bodies and meshes: a single flat shape may well be there to show its back, as a screen does. */

@@ -13,7 +13,7 @@ typedef struct {
 
 typedef struct {
     Bvh bvh;
-    int32_t *triangle;    /* in the order of the leaves */
+    int32_t *triangle; /* in the order of the leaves */
     TreeBox *node, *leaf, all; /* around what is in each */
 } MeshTree;
 

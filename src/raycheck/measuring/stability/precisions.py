@@ -1,6 +1,6 @@
-"""Is what `--precision auto` takes enough? Forty generated scenes with surfaces close to each other, gaps from
-1e-9 to 1, are rendered by oneray in auto and in double with the same seeds: their paths are the same but for
-rounding, so that the difference has little of their noise.
+"""Is what `--precision auto` takes enough? Forty generated scenes with surfaces close to each other, gaps
+from 1e-9 to 1, are rendered by oneray in auto and in double with the same seeds: their paths are the same
+but for rounding, so that the difference has little of their noise.
 """
 
 import json
@@ -77,8 +77,8 @@ class _World:
         return ", ".join(repr(float(x)) for x in (self.place @ np.array([*local, 1.0]))[:3])
 
     def shape(self, kind: str, scale: float, z: float, more: str, turn: float = 0.0) -> str:
-        """A unit shape, `scale` times as large, at height z and turned about the vertical; tilted if it is the
-        smaller.
+        """A unit shape, `scale` times as large, at height z and turned about the vertical; the smaller is
+        tilted.
         """
         c, s = math.cos(turn), math.sin(turn)
         local = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -184,8 +184,8 @@ def _turned(rng: np.random.Generator) -> Array:
 
 
 def scene(index: int, draw: int = 0) -> Scene:
-    """One of COUNT: its kind by turns, its gap by decades; tilted, placed, lit and seen by chance, by a draw that is
-    always the same.
+    """One of COUNT: its kind by turns, its gap by decades; tilted, placed, lit and seen by chance, the same
+    in each draw.
     """
     rng = np.random.default_rng((draw, index))
     kind = list(KINDS)[index % len(KINDS)]
@@ -283,14 +283,16 @@ def summary(pairs: Sequence[Pair]) -> str:
     most = max((abs(one.difference) for one in pairs), default=0.0)
     return (
         f"{sum(one.holds for one in pairs)} of {len(pairs)} scenes agree within {100 * ALLOWED:g} % and "
-        f"{SIGMAS:g} paired standard errors; auto takes single precision for {len(single)}, and the means of no "
-        f"channel differ by more than {most:.1e}."
+        f"{SIGMAS:g} paired standard errors; auto takes single precision for {len(single)}, and no channel's "
+        f"means differ by more than {most:.1e}."
     )
 
 
 def to_json(pairs: Sequence[Pair], header: Mapping[str, Any]) -> str:
     """What `read` reads."""
-    return json.dumps({**header, "pairs": [asdict(one) for one in pairs]}, indent=1, ensure_ascii=False) + "\n"
+    return (
+        json.dumps({**header, "pairs": [asdict(one) for one in pairs]}, indent=1, ensure_ascii=False) + "\n"
+    )
 
 
 def read(path: Path) -> tuple[list[Pair], dict[str, Any]]:
