@@ -158,10 +158,6 @@ MALFORMED: dict[str, tuple[bytes, str]] = {
         f"3: vertex 2 has the coordinate inf: {NUMBER}",
     ),
     "no-faces.ply": (ply(*SQUARE, faces=0), "1: the mesh has no faces"),
-    "all-flat.ply": (
-        ply(*SQUARE, "3 0 1 1", "3 2 2 2"),
-        "1: none of the 2 triangles has an area",
-    ),
     "no-faces.obj": (OBJ.encode(), "1: the mesh has no faces"),
     "word.obj": (b"v 0 a 0\n", f'1: "a" is no coordinate: {NUMBER}'),
     "two-coordinates.obj": (b"v 0 0\n", "1: the coordinate is missing: a number is wanted"),

@@ -239,11 +239,24 @@ static bool error_reached(Render *r, uint64_t done)
     if (done < FIRST_LOOK || next_look(done - 1) != done)
         return false;
     r->progress.error = film_relative_error(&r->film);
-    if (r->progress.error == HUGE_VAL && done >= BLACK_SAMPLES) {
-        warn("the image is black after %d samples per pixel: it has no relative error", BLACK_SAMPLES);
-        return true;
-    }
-    return r->progress.error <= r->options->error;
+    return r->progress.error <= r->options->error || (r->progress.error == HUGE_VAL && done >= BLACK_SAMPLES);
+}
+
+/* Says how much more it takes where another budget ended the render before the error was reached. */
+static void say_what_is_missing(const Render *r)
+{
+    const Options *o = r->options;
+    double error = film_has_error(&r->film) ? film_relative_error(&r->film) : HUGE_VAL;
+    double times = o->error > 0 ? pow(error / o->error, 2) : 0;
+    if (!(times > 1) || interrupted() || (error == HUGE_VAL && film_has_error(&r->film)))
+        return;
+    const char *budget = strcmp(r->ended_by, "time") ? "--spp" : "--time";
+    double samples = (double)film_samples(&r->film);
+    if (error == HUGE_VAL)
+        warn("%s ended with one sample per pixel, whose error is not known: --error %g wants more", budget, o->error);
+    else
+        warn("%s ended with %.0f samples per pixel and an error of %.2g: --error %g takes about %.3g", budget, samples,
+            error, o->error, samples * times);
 }
 
 /* How many samples per pixel may come next; 0 at the end, and ended_by says why. */
@@ -342,4 +355,5 @@ void render_image(Render *r)
         r->ended_by = "interrupt";
     save(r);
     show_progress(r, 0, true);
+    say_what_is_missing(r);
 }

@@ -27,10 +27,13 @@ typedef struct {
                                 in which it is alike */
     double flux;             /* over the emission and what it is in proportion to */
     const char *odd;
+    double radius;          /* of the ball about its position that all its light comes from */
 } EmitterTraits;
 
 typedef struct {
     double origin[3];
     double farthest; /* that it sees */
     double pixel;    /* its least angle, radians */
+    double axis[3];  /* unit: of the narrowest cone that holds all it sees, */
+    double cosine;   /* and of the cone's half angle */
 } SensorTraits;

@@ -130,6 +130,16 @@ double film_relative_error(const Film *film)
     return n > 1 && sum > 0 ? sqrt(squares / numbers / (n - 1) / n) / (sum / numbers) : HUGE_VAL;
 }
 
+bool film_is_black(const Film *film)
+{
+    for (int k = 0; k < film->layer_count; k++)
+        for (size_t i = 0; i < film_pixels(film); i++)
+            for (int c = 0; c < 3; c++)
+                if (film->layers[k].pixels[6 * i + (size_t)c] > 0)
+                    return false;
+    return true;
+}
+
 /* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
    points balance each other, so that it takes other seeds to know. The identity names the sampler. */
 bool film_has_error(const Film *film)

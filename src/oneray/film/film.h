@@ -50,6 +50,8 @@ uint64_t film_samples(const Film *film);
 void film_estimate(const Film *film, float *mean, float *standard_error);
 bool film_has_error(const Film *film); /* more than one sample, and independent ones */
 
+bool film_is_black(const Film *film);
+
 /* The root mean square of the standard errors of all pixels and channels over the mean of all; infinite for a
    single sample and a black image. */
 double film_relative_error(const Film *film);

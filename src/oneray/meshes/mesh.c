@@ -72,25 +72,41 @@ static void to_the_world(Mesh *mesh, const Affine *to_world)
     }
 }
 
+/* What is left of a sum of unit normals that cancel is rounding. */
+#define CANCELLED 1e-9
+
 /* A vertex's normal is the mean of its triangles', each by its angle there. Thürmer & Wüthrich, Computing
-   Vertex Normals from Polygonal Facets, JGT 3(1), 1998. */
-static void compute_normals(Mesh *mesh)
+   Vertex Normals from Polygonal Facets, JGT 3(1), 1998. Where they cancel there is none, and a triangle's own holds. */
+static void compute_normals(Mesh *mesh, const char *file)
 {
+    int cancelled = 0;
     mesh->normal = allocate((size_t)mesh->vertex_count, sizeof *mesh->normal);
+    bool *used = allocate((size_t)mesh->vertex_count, sizeof *used);
     for (int t = 0; t < mesh->triangle_count; t++)
         for (int k = 0; k < 3; k++) {
             double a[3], b[3], across[3];
             triangle_edges(mesh, t, k, a, b, across);
-            double angle = atan2(length(across), dot(a, b));
-            normalise(across);
+            double size = length(across), angle = atan2(size, dot(a, b));
             for (int i = 0; i < 3; i++)
-                mesh->normal[mesh->triangle[t][k]][i] += angle * across[i];
+                mesh->normal[mesh->triangle[t][k]][i] += angle * (across[i] / size);
+            used[mesh->triangle[t][k]] = true;
         }
-    for (int v = 0; v < mesh->vertex_count; v++)
+    for (int v = 0; v < mesh->vertex_count; v++) {
+        bool none = used[v] && length(mesh->normal[v]) < CANCELLED;
+        cancelled += none;
+        if (none)
+            memset(mesh->normal[v], 0, sizeof mesh->normal[v]);
         normalise(mesh->normal[v]);
+    }
+    free(used);
+    if (cancelled)
+        warn("%s: at %d of %d vertices the faces look both ways, so that their normals cancel: set face_normals, or "
+             "give each side vertices of its own",
+            file, cancelled, mesh->vertex_count);
 }
 
-static void leave_out_flat(Mesh *mesh, const char *file)
+/* How many are left. */
+static int leave_out_flat(Mesh *mesh, const char *file)
 {
     int kept = 0, count = mesh->triangle_count;
     for (int t = 0; t < count; t++) {
@@ -99,11 +115,9 @@ static void leave_out_flat(Mesh *mesh, const char *file)
         if (across[0] != 0 || across[1] != 0 || across[2] != 0)
             memmove(mesh->triangle[kept++], mesh->triangle[t], sizeof *mesh->triangle);
     }
-    if (!kept)
-        die_at(file, 1, "none of the %d triangles has an area", count);
-    if (kept < count)
+    if (kept && kept < count)
         warn("%s: %d of %d triangles have no area and are left out", file, count - kept, count);
-    mesh->triangle_count = kept;
+    return mesh->triangle_count = kept;
 }
 
 static void check_normals(const Mesh *mesh, const char *file)
@@ -144,18 +158,19 @@ static void turn_to_normals(Mesh *mesh)
     }
 }
 
-void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals)
+bool mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals)
 {
     if (face_normals) {
         free(mesh->normal);
         mesh->normal = NULL;
     }
     to_the_world(mesh, to_world);
-    leave_out_flat(mesh, file);
+    if (!leave_out_flat(mesh, file))
+        return false;
     if (mesh->normal)
         check_normals(mesh, file);
     else if (!face_normals)
-        compute_normals(mesh);
+        compute_normals(mesh, file);
     for (int t = 0; flip_normals && t < mesh->triangle_count; t++)
         reverse(mesh, t);
     for (int v = 0; flip_normals && mesh->normal && v < mesh->vertex_count; v++)
@@ -163,6 +178,7 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
             mesh->normal[v][i] = -mesh->normal[v][i];
     if (mesh->normal)
         turn_to_normals(mesh);
+    return true;
 }
 
 /* Puts `more` rows behind the first `count`, and one beyond, which kernels read along with the last. Rows that either

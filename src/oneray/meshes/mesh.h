@@ -52,8 +52,8 @@ static inline void triangle_edges(const Mesh *mesh, int triangle, int k, double 
 }
 
 /* To the world, turned over by flip_normals, with Mitsuba's vertex normals unless face_normals; triangles
-   without area are left out with a warning. */
-void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals);
+   without area are left out with a warning. Are there none with one? Then there is nothing left of the mesh. */
+bool mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals);
 
 /* Puts the mesh behind those that are there, and empties it. */
 void mesh_append(Mesh *all, Mesh *mesh);

@@ -292,7 +292,8 @@ def stability_section(path: Path | None) -> dict[str, Any] | None:
     kept = data.references_dir() / "stability.json"
     if path is None and not kept.is_file():
         return None
-    return plots.section(path or kept)
+    compared = data.references_dir() / "precisions.json"
+    return plots.section(path or kept, compared if compared.is_file() else None)
 
 
 def _about(scene: Path) -> str:
