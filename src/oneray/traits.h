@@ -27,7 +27,6 @@ typedef struct {
                                 in which it is alike */
     double flux;             /* over the emission and what it is in proportion to */
     const char *odd;
-    double radius;          /* of the ball about its position that all its light comes from */
 } EmitterTraits;
 
 typedef struct {
