@@ -39,7 +39,7 @@ static void target_of(const char *file, char target[OUTPUT_NAME])
         ssize_t got = links < MOST_LINKS ? readlink(target, link, sizeof link - 1) : -1;
         if (got < 0) {
             errno = links < MOST_LINKS ? errno : ELOOP;
-            output_failed(file);
+            output_failed(file, "too many links");
         }
         link[length = (size_t)got] = '\0';
         name = link;
