@@ -303,18 +303,30 @@ INLINE void gather_four(const Num *table, Index at, Real out[4])
 #endif
 }
 
-/* The integer part of a, 0 <= a < 2^22 (single) or 2^51 (double): adding 1.5·2^23 or 1.5·2^52 leaves the
-   nearest integer in the low bits of the fraction. */
+/* Adding this to a, |a| < INTEGER_MOST, leaves the nearest integer in the low bits of the fraction. */
+#ifdef SINGLE
+#define INTEGER_MOST real(4194304.0)  /* 2^22 */
+#define INTEGERS real(12582912.0)     /* 3·2^22 */
+#else
+#define INTEGER_MOST real(2251799813685248.0) /* 2^51 */
+#define INTEGERS real(6755399441055744.0)     /* 3·2^51 */
+#endif
+
+/* The integer part of a, 0 <= a < INTEGER_MOST. */
 INLINE Index real_floor(Real a)
 {
-#ifdef SINGLE
-    const Real big = real(12582912.0);
-#else
-    const Real big = real(6755399441055744.0);
-#endif
+    const Real big = INTEGERS;
     Real nearest = (a + big) - big;
     Bits low = real_bits(nearest + big) - real_bits(big);
     return (Index)low - index_select(nearest > a, index_of(1), index_of(0));
+}
+
+/* a - ⌊a⌋, of any sign; 0 where a has no digits behind the point but perhaps one half. */
+INLINE Real real_fraction(Real a)
+{
+    const Real big = INTEGERS;
+    Real nearest = (a + big) - big, floor = nearest - only(nearest > a, real(1));
+    return only(real_abs(a) < INTEGER_MOST, a - floor);
 }
 
 #define REAL_PI real(3.14159265358979323846)
@@ -326,11 +338,7 @@ STAGE void sincos_turn(Real u, Real *sine, Real *cosine)
 {
     Real quarters = real(4) * u;
     Index quarter = real_floor(quarters + real(0.5));
-#ifdef SINGLE
-    const Real big = real(12582912.0);
-#else
-    const Real big = real(6755399441055744.0);
-#endif
+    const Real big = INTEGERS;
     Real x = (quarters - (bits_real((Bits)quarter + real_bits(big)) - big)) * real(1.57079632679489661923);
     Real xx = x * x;
     Real s = real(-1 / 5040.0), c = real(1 / 40320.0);
