@@ -16,7 +16,7 @@ import pytest
 from building import ROOT
 from sampling import LEVEL, Array, Driver, chi_squared, directions, uniforms
 
-from raycheck.scene.reader import METALS, Material
+from raycheck.scene.materials import METALS, Material
 from raycheck.truth.closed_forms.rough import directional_albedo, microfacets
 
 ALPHAS = (0.02, 0.15, 0.5, 1.0, 3.0)
@@ -113,7 +113,9 @@ def test_anisotropic_eval_pdf_and_sample_are_mitsubas(driver: Driver, pair: tupl
     """On a floor, whose frame is the world's; a sampled direction has the weight that Mitsuba gives it."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
-    theirs = mi.load_string(f'<scene version="3.0.0"><shape type="rectangle">{anisotropic(pair)}</shape></scene>')
+    theirs = mi.load_string(
+        f'<scene version="3.0.0"><shape type="rectangle">{anisotropic(pair)}</shape></scene>'
+    )
     theirs = theirs.shapes()[0].bsdf()
     wo, wi = above(400, 1), above(400, 2)
     sampled = Sampled(driver, anisotropic(pair), wo, uniforms(400, 3))
@@ -134,26 +136,28 @@ def test_anisotropic_eval_pdf_and_sample_are_mitsubas(driver: Driver, pair: tupl
     np.testing.assert_allclose(factor[:, kept], (np.array(found).T / np.array(density))[:, kept], rtol=2e-4)
 
 
+TURNED = '<rotate x="0.6" y="0.8" angle="40"/>'
+PLACES = {
+    "rectangle": TURNED,
+    "sheared": '<matrix value="1 0.7 0 0  0.2 0.8 0 0  0.3 0.1 1 0  0 0 0 1"/>',
+    "disk": '<scale x="2" y="1"/><rotate z="1" angle="20"/>',
+    "cube": TURNED,
+    "sphere": TURNED,
+}
+
+
 @pytest.mark.parametrize("flip", ["", '<boolean name="flip_normals" value="true"/>'])
-@pytest.mark.parametrize(
-    "body",
-    [
-        '<shape type="rectangle"><transform name="to_world"><rotate x="0.6" y="0.8" angle="40"/></transform>',
-        '<shape type="rectangle"><transform name="to_world"><matrix value="1 0.7 0 0.2 0.8"/></transform>'
-        .replace("1 0.7 0 0.2 0.8", "1 0.7 0 0  0.2 0.8 0 0  0.3 0.1 1 0  0 0 0 1"),
-        '<shape type="disk"><transform name="to_world"><scale x="2" y="1"/><rotate z="1" angle="20"/></transform>',
-        '<shape type="cube"><transform name="to_world"><rotate x="0.6" y="0.8" angle="40"/></transform>',
-        '<shape type="sphere"><transform name="to_world"><rotate x="0.6" y="0.8" angle="40"/></transform>',
-    ],
-    ids=["turned", "sheared", "disk", "cube", "sphere"],
-)
+@pytest.mark.parametrize("name", PLACES)
 def test_roughness_lies_along_mitsubas_tangents(
-    driver: Driver, wide: list[Driver], body: str, flip: str
+    driver: Driver, wide: list[Driver], name: str, flip: str
 ) -> None:
     """f_r where rays meet the shape, for a direction around the normal there, on either side."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
-    body = f'{body}{flip}<bsdf type="twosided">{anisotropic((0.2, 0.9))}</bsdf></shape>'
+    kind = "rectangle" if name == "sheared" else name
+    place = f'<transform name="to_world">{PLACES[name]}</transform>'
+    bsdf = f'<bsdf type="twosided">{anisotropic((0.2, 0.9))}</bsdf>'
+    body = f'<shape type="{kind}">{place}{flip}{bsdf}</shape>'
     scene = mi.load_string(f'<scene version="3.0.0">{body}</scene>')
     to, d = 0.9 * uniforms(300, 21, 3, low=-0.6, high=0.6), directions(300, 22)
     o, wi = (to - 6 * d).astype(np.float32).astype(float), directions(300, 23)
@@ -217,9 +221,7 @@ def test_one_roughness_both_ways_is_the_isotropic_one(driver: Driver) -> None:
     """To the bit alone; beside an anisotropic one, to rounding."""
     wo, wi, u = above(500, 4), above(500, 5), uniforms(500, 6)
     same, one = anisotropic((0.3, 0.3)), rough(0.3)
-    np.testing.assert_array_equal(
-        evaluated(driver, same, wo, wi)[0], evaluated(driver, one, wo, wi)[0]
-    )
+    np.testing.assert_array_equal(evaluated(driver, same, wo, wi)[0], evaluated(driver, one, wo, wi)[0])
     np.testing.assert_array_equal(Sampled(driver, same, wo, u).pdf, Sampled(driver, one, wo, u).pdf)
     beside = f'{anisotropic((0.1, 0.3))}<transform name="to_world"><translate z="-9"/></transform></shape>'
     both = f'{one}</shape><shape type="rectangle">{beside}'.removesuffix("</shape>")
@@ -252,7 +254,11 @@ def test_there_is_a_finite_number_everywhere_of_anisotropic_ones(
 def test_eval_is_the_formula(driver: Driver, alpha: float) -> None:
     """As the closed form has it, in other words."""
     tinted = Material(
-        "roughconductor", np.array([1, 0.9, 0.8]), np.array(GOLD["eta"]), np.array(GOLD["k"]), alpha=(alpha, alpha)
+        "roughconductor",
+        np.array([1, 0.9, 0.8]),
+        np.array(GOLD["eta"]),
+        np.array(GOLD["k"]),
+        alpha=(alpha, alpha),
     )
     wo, wi = above(2000, 4), above(2000, 5)
     f, _, _ = evaluated(driver, rough(alpha, "Au", "1 0.9 0.8"), wo, wi)
@@ -346,7 +352,9 @@ def test_a_furnace_shows_the_directional_albedo(
     """The mean of f_r cosθ/pdf over an even grid of random numbers."""
     u = (np.indices((1000, 1000)).reshape(2, -1) + 0.5) / 1000
     found = Sampled(driver, rough(alpha), polar(cosine), u, hemisphere=hemisphere).factor.mean(axis=1)
-    np.testing.assert_allclose(found, directional_albedo(gold((alpha, alpha)), polar(cosine)[:, 0]), rtol=3e-4)
+    np.testing.assert_allclose(
+        found, directional_albedo(gold((alpha, alpha)), polar(cosine)[:, 0]), rtol=3e-4
+    )
 
 
 @pytest.mark.parametrize("hemisphere", ["cosine", "uniform"])

@@ -2,10 +2,13 @@
 
 import json
 import subprocess
+import sys
+from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
+from building import ROOT
 
 from raycheck.scene import code, export, variants
 from raycheck.scene.reader import read_scene
@@ -16,6 +19,59 @@ SCHEMA = jsonschema.Draft202012Validator(json.loads(export.SCHEMA.read_text(enco
 @pytest.mark.parametrize("of", variants.ladder(), ids=lambda of: of.label)
 def test_every_scene_fits_the_schema(of: variants.Variant) -> None:
     SCHEMA.validate(json.loads(export.to_json(export.export(of))))
+
+
+def test_the_schema_is_that_of_the_table_of_materials(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, ROOT / "scripts/make_schema.py", tmp_path / "schema"], check=True)
+    assert (tmp_path / "schema").read_text(encoding="utf-8") == export.SCHEMA.read_text(encoding="utf-8")
+
+
+def test_coordinates_of_textures_are_those_of_the_picture() -> None:
+    """The numbers of balls and parallelograms give the colours that Mitsuba sees along rays from the eye."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    data = export.export(variants.variant("textured-room"))
+    scene = mi.load_file(str(ROOT / "scenes/textured-room.xml"))
+    camera, seen = data["camera"], set()
+    left, right, below = (np.array(camera[k]) for k in ("top_left", "top_right", "bottom_left"))
+    for x, y in np.random.default_rng(1).random((400, 2)):
+        way = left + (right - left) * x + (below - left) * y
+        si = scene.ray_intersect(mi.Ray3f(camera["origin"], way / np.linalg.norm(way)))
+        here = [one for one in data["primitives"] if si.is_valid() and on(one, np.array(si.p))]
+        for one in here[:1]:
+            material = data["materials"][one["material"]]
+            place = (np.array(material["to_uv"]) @ [*coordinates(one, np.array(si.p)), 1])[:2]
+            if (np.abs(place * 2 - np.round(place * 2)) > 1e-2).all():  # not at an edge
+                u, v = place % 1 > 0.5
+                found = np.array(si.bsdf().eval_diffuse_reflectance(si))
+                np.testing.assert_allclose(found, material["color1" if u != v else "color0"], atol=1e-5)
+                seen.add((one["material"], u != v))
+    assert len(seen) == 10  # both colours of floor, wall, screen, cube and ball
+
+
+def on(one: dict, p: np.ndarray) -> bool:
+    """Does the point lie on the primitive?"""
+    if one["type"] == "sphere":
+        return abs(np.linalg.norm(p - one["center"]) - one["radius"]) < 1e-4
+    if one["type"] != "parallelogram":
+        return False
+    s, t, off = parts(one, p)
+    return abs(off) < 1e-4 and -1e-4 < s < 1 + 1e-4 and -1e-4 < t < 1 + 1e-4
+
+
+def parts(one: dict, p: np.ndarray) -> np.ndarray:
+    axes = np.stack([one["edge_u"], one["edge_v"], one["normal"]], axis=1)
+    return np.linalg.solve(axes, p - one["corner"])
+
+
+def coordinates(one: dict, p: np.ndarray) -> np.ndarray:
+    """(u, v) by the primitive's numbers."""
+    if one["type"] == "sphere":
+        x, y, z = np.array(one["axes"]) @ (p - one["center"]) / one["radius"]
+        return np.array([np.arctan2(y, x) / (2 * np.pi) % 1, np.arccos(np.clip(z, -1, 1)) / np.pi])
+    s, t, _ = parts(one, p)
+    corner, u, v = np.array(one["uv"])[:, :2]
+    return corner + s * (u - corner) + t * (v - corner)
 
 
 def test_rays_between_the_corners_are_the_camera_s() -> None:

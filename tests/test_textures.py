@@ -1,4 +1,6 @@
-"""Textures: colours of points are Mitsuba's, on every shape and for every reflectance, and one colour is no texture."""
+"""Textures: colours of points are Mitsuba's, on every shape; of one colour they change no bit, in whatever
+place they stand.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from sampling import SCENE, Array, Driver, uniforms
-from test_surfaces import CASES, drivers, folder, rays, shape  # noqa: F401: fixtures
+from test_surfaces import CASES, drivers, folder, rays, shape  # noqa: F401
 
 from raycheck.renderers.films import payload
 
@@ -69,7 +71,9 @@ def agree(ours: Array, theirs: Array) -> None:
     assert (np.abs(ours - theirs)[:, both] < 1e-4).all(axis=0).mean() > 0.985
 
 
-@pytest.mark.parametrize(("name", "way"), [(n, w) for n, w, flip in CASES if flip and w in ("turned", "quarter")])
+@pytest.mark.parametrize(
+    ("name", "way"), [(n, w) for n, w, flip in CASES if flip and w in ("turned", "quarter")]
+)
 def test_colours_are_mitsubas(drivers: dict[str, Driver], folder: Path, name: str, way: str) -> None:  # noqa: F811
     bsdf = f'<bsdf type="diffuse">{board("reflectance", TO_UV["moved"])}</bsdf>'
     body = painted(shape(folder, name, way, flip=True), bsdf)
@@ -95,7 +99,8 @@ def test_to_uv_is_mitsubas(drivers: dict[str, Driver], folder: Path, to_uv: str)
 
 def test_colours_without_to_uv_are_by_halves(driver: Driver) -> None:
     """Mitsuba's defaults: .4 in the first field and the one across, .2 in the other two."""
-    floor = '<shape type="rectangle"><bsdf type="diffuse"><texture name="reflectance" type="checkerboard"/></bsdf></shape>'
+    bsdf = '<bsdf type="diffuse"><texture name="reflectance" type="checkerboard"/></bsdf>'
+    floor = f'<shape type="rectangle">{bsdf}</shape>'
     x, y = np.array([-0.5, 0.5, -0.5, 0.5]), np.array([-0.5, -0.5, 0.5, 0.5])
     along = np.stack([x, y, 0 * x + 1, 0 * x, 0 * x, 0 * x - 1])
     np.testing.assert_allclose(colours(driver, floor, along)[1], [0.4, 0.2, 0.2, 0.4], rtol=1e-12)
@@ -125,7 +130,10 @@ WAYS = ("", "--estimator walk", "--estimator nee", "--mis-pdf survival", "--esti
 
 def filled(material: str, colour: str) -> str:
     """A material whose reflectances are what `colour` makes of their names."""
-    words = {name: colour.format(name) for name in ("reflectance", "specular_reflectance", "specular_transmittance")}
+    words = {
+        name: colour.format(name)
+        for name in ("reflectance", "specular_reflectance", "specular_transmittance")
+    }
     return material.format(**words)
 
 
@@ -137,17 +145,18 @@ def room(bsdf: str) -> str:
 <integer name="rr_depth" value="3"/></integrator><sensor type="perspective"><float name="fov" value="45"/>
 <transform name="to_world"><lookat origin="0, 0, 5" target="0, 0, 0" up="0, 1, 0"/></transform>
 <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
-<string name="pixel_format" value="rgb"/><string name="component_format" value="float32"/><rfilter type="box"/></film>
-</sensor><shape type="sphere">{bsdf}</shape><shape type="rectangle"><transform name="to_world"><scale value="3"/>
-<translate z="-2"/></transform>{bsdf}</shape>{lamp.format(-2, "5 4 3")}{lamp.format(2, "1 2 3")}</scene>"""
+<string name="pixel_format" value="rgb"/><string name="component_format" value="float32"/>
+<rfilter type="box"/></film></sensor><shape type="sphere">{bsdf}</shape>
+<shape type="rectangle"><transform name="to_world"><scale value="3"/><translate z="-2"/></transform>{bsdf}</shape>
+{lamp.format(-2, "5 4 3")}{lamp.format(2, "1 2 3")}</scene>"""
 
 
-def picture(oneray: Path, folder: Path, scene: str, options: str) -> tuple[str, str]:
+def picture(oneray: Path, place: Path, scene: str, options: str) -> tuple[str, str]:
     """A digest of the samples of a picture, "" if there is none; and what was said."""
-    (folder / "scene.xml").write_text(scene)
-    film = folder / "scene.film"
+    (place / "scene.xml").write_text(scene)
+    film = place / "scene.film"
     command = [str(oneray), "scene.xml", "--samples", "0:8", "--film", film.name, *options.split()]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
     result = payload(film.read_bytes()) if done.returncode == 0 else ""
     film.unlink(missing_ok=True)
     return result, done.stderr
@@ -173,7 +182,7 @@ def test_a_texture_by_reference_is_the_texture(oneray: Path, tmp_path: Path) -> 
     texture = board("reflectance", TO_UV["moved"])
     scene = room(f'<bsdf type="diffuse">{texture}</bsdf>')
     named = scene.replace(texture, '<ref name="reflectance" id="board"/>').replace(
-        "<integrator", texture.replace("name=\"reflectance\"", 'id="board"') + "<integrator"
+        "<integrator", texture.replace('name="reflectance"', 'id="board"') + "<integrator"
     )
     assert picture(oneray, tmp_path, named, "") == picture(oneray, tmp_path, scene, "")
 
@@ -182,8 +191,12 @@ def test_parts_of_a_blend_keep_their_textures(driver: Driver) -> None:
     """f_r is the mean of the parts' by their shares, where one is diffuse with a texture and one without."""
     one = f'<bsdf type="diffuse">{board("reflectance")}</bsdf>'
     blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.25"/>{one}{PLAIN}</bsdf>'
-    along = np.vstack([uniforms(200, 3, 2, low=-1), np.ones((1, 200)), np.zeros((2, 200)), -np.ones((1, 200))])
-    found = [colours(driver, f'<shape type="rectangle">{bsdf}</shape>', along) for bsdf in (blend, one, PLAIN)]
+    along = np.vstack(
+        [uniforms(200, 3, 2, low=-1), np.ones((1, 200)), np.zeros((2, 200)), -np.ones((1, 200))]
+    )
+    found = [
+        colours(driver, f'<shape type="rectangle">{bsdf}</shape>', along) for bsdf in (blend, one, PLAIN)
+    ]
     np.testing.assert_allclose(found[0], 0.75 * found[1] + 0.25 * found[2], rtol=1e-12)
 
 
@@ -200,13 +213,17 @@ def test_what_is_large_has_no_fraction(driver: Driver, wide: list[Driver]) -> No
     for repeats in (1e3, 1e7, 1e15, 1e17, 1e30):
         scale = f'<scale x="{repeats}" y="{repeats}"/>'
         floor = f'<shape type="rectangle"><bsdf type="diffuse">{board("reflectance", scale)}</bsdf></shape>'
-        along = np.vstack([uniforms(200, 5, 2, low=-1), np.ones((1, 200)), np.zeros((2, 200)), -np.ones((1, 200))])
+        along = np.vstack(
+            [uniforms(200, 5, 2, low=-1), np.ones((1, 200)), np.zeros((2, 200)), -np.ones((1, 200))]
+        )
         for one in (driver, *wide):
             value = colours(one, floor, along)[1]
             assert (np.minimum(abs(value - 0.1), abs(value - 0.8)) < 1e-6).all()
 
 
-@pytest.mark.parametrize(("side", "wanted"), [("", True), ('<bsdf type="twosided">{}</bsdf>', True), ("plain", False)])
+@pytest.mark.parametrize(
+    ("side", "wanted"), [("", True), ('<bsdf type="twosided">{}</bsdf>', True), ("plain", False)]
+)
 def test_a_mesh_with_some_texture_coordinates_is_refused_where_they_are_wanted(
     oneray: Path, tmp_path: Path, side: str, wanted: bool
 ) -> None:
@@ -237,10 +254,14 @@ def test_precision_looks_at_every_colour(oneray: Path, tmp_path: Path, bsdf: str
     assert json.loads(done.stdout)["precision"] == precision
 
 
-@pytest.mark.parametrize(("other", "warned"), [((1, 1, 1), True), ((1, 0.5, 0.5), True), ((0.9, 0.9, 0.9), False)])
+@pytest.mark.parametrize(
+    ("other", "warned"), [((1, 1, 1), True), ((1, 0.5, 0.5), True), ((0.9, 0.9, 0.9), False)]
+)
 def test_a_texture_absorbs_nothing_if_no_colour_does(
     oneray: Path, tmp_path: Path, other: Sequence[float], warned: bool
 ) -> None:
     white = board("reflectance", colours=((1, 1, 1), other))
-    scene = room(f'<bsdf type="diffuse">{white}</bsdf>').replace('"max_depth" value="8"', '"max_depth" value="-1"')
+    scene = room(f'<bsdf type="diffuse">{white}</bsdf>').replace(
+        '"max_depth" value="8"', '"max_depth" value="-1"'
+    )
     assert ("absorbs nothing" in picture(oneray, tmp_path, scene, "")[1]) == warned
