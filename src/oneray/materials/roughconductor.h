@@ -83,20 +83,16 @@ INLINE Roughness roughness_of(const Materials *materials, const Part *part, cons
     return a;
 }
 
-/* How long a unit vector w is across the normal, that it has the cosine c with, once it is shrunk by α: squared,
-   α² sin²θ = α_u² x² + α_v² y². */
-INLINE Real shrunk_across(const Roughness *a, Vec w, Real c, Features f)
-{
-    if (!(f.has & HAS_ANISOTROPIC))
-        return a->u * a->u * ((real(1) - c) * (real(1) + c));
-    Real x = a->u * vec_dot(w, a->along_u), y = a->v * vec_dot(w, a->along_v);
-    return x * x + y * y;
-}
-
-/* How long it is then with its part along the normal; and, Smith's, 2 cosθ/G1(θ) = cosθ + √(cos²θ + α² sin²θ). */
+/* How long a unit vector w, which has the cosine c with the normal, is once all that is across that is shrunk by α:
+   α² sin²θ = α_u² x² + α_v² y². And, Smith's, 2 cosθ/G1(θ) = cosθ + √(cos²θ + α² sin²θ). */
 INLINE Real ggx_stretch(const Roughness *a, Vec w, Real c, Features f)
 {
-    return real_sqrt(c * c + shrunk_across(a, w, c, f));
+    Real across = a->u * a->u * ((real(1) - c) * (real(1) + c));
+    if (f.has & HAS_ANISOTROPIC) {
+        Real x = a->u * vec_dot(w, a->along_u), y = a->v * vec_dot(w, a->along_v);
+        across = x * x + y * y;
+    }
+    return real_sqrt(c * c + across);
 }
 
 /* What eval, pdf and factor have in common, at the half vector h ∥ wo + wi. */
@@ -162,7 +158,8 @@ INLINE Light roughconductor_factor(
    Spherical Caps, HPG 2023. Some reflect to below the surface; what they send is lost. */
 INLINE Vec sample_visible_mirror(const Surface *s, const Roughness *a, const Real u[2], Features f)
 {
-    Real stretch = ggx_stretch(a, s->wo, s->cos_o, f), z_o = s->cos_o / stretch, up = (real(1) - u[0]) * (real(1) + z_o);
+    Real stretch = ggx_stretch(a, s->wo, s->cos_o, f), z_o = s->cos_o / stretch;
+    Real up = (real(1) - u[0]) * (real(1) + z_o);
     Real z = up - z_o, sine, cosine, ring = real_sqrt(real_max((real(1) - z) * (real(1) + z), real(0)));
     sincos_turn(u[1], &sine, &cosine);
     if (f.has & HAS_ANISOTROPIC) {
