@@ -147,8 +147,8 @@ def room(bsdf: str) -> str:
 <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
 <string name="pixel_format" value="rgb"/><string name="component_format" value="float32"/>
 <rfilter type="box"/></film></sensor><shape type="sphere">{bsdf}</shape>
-<shape type="rectangle"><transform name="to_world"><scale value="3"/><translate z="-2"/></transform>{bsdf}</shape>
-{lamp.format(-2, "5 4 3")}{lamp.format(2, "1 2 3")}</scene>"""
+<shape type="rectangle">{bsdf}<transform name="to_world"><scale value="3"/><translate z="-2"/></transform>
+</shape>{lamp.format(-2, "5 4 3")}{lamp.format(2, "1 2 3")}</scene>"""
 
 
 def picture(oneray: Path, place: Path, scene: str, options: str) -> tuple[str, str]:

@@ -6,7 +6,7 @@ only, and reflects there only unless its material is `two_sided`; a sphere's nor
 `inward`. Where its material depends on (u, v), a parallelogram has them at its corner and the ends of its
 edges, linear in between, and a sphere its axes x, y, z: u is the angle around z from x in turns, v that from
 +z in half turns. Of a disk u is the distance from the center in radii, v the angle from axis_u to axis_v in
-turns.
+turns. Those of a mesh are not told.
 Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m².
 """
 
