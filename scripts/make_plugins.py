@@ -18,7 +18,12 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "src/raycheck/scene/plugins.json"
-SOURCES = ("scene/description.c", "meshes/mesh.c", "meshes/obj.c", "meshes/ply.c", "message.c", "text.c")
+SOURCES = (
+    *(f"meshes/{name}.c" for name in ("mesh", "obj", "ply")),
+    *(f"scene/{name}.c" for name in ("description", "hints")),
+    *(f"trees/{name}.c" for name in ("bvh", "mesh_tree")),
+    *("message.c", "text.c"),
+)
 
 
 def printed() -> list[dict[str, Any]]:

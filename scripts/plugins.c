@@ -6,6 +6,7 @@
 static const char *const kind_names[] = {[AS_FLOAT] = "float",
     [AS_IOR] = "ior",
     [AS_COLOUR] = "colour",
+    [AS_REFLECTANCE] = "reflectance",
     [AS_VECTOR] = "vector",
     [AS_INTEGER] = "integer",
     [AS_BOOLEAN] = "boolean",
@@ -52,6 +53,8 @@ int main(void)
     print_plugin("sampler", &independent);
     for (int i = 0; i < COUNT(bsdfs); i++)
         print_plugin("bsdf", bsdfs[i]);
+    for (int i = 0; i < COUNT(textures); i++)
+        print_plugin("texture", textures[i]);
     for (int i = 0; i < COUNT(shapes); i++)
         print_plugin("shape", shapes[i]);
     for (int i = 0; i < COUNT(emitters); i++)

@@ -12,7 +12,8 @@ import pytest
 
 from raycheck.base.images import load_image
 from raycheck.scene.content import read_content
-from raycheck.scene.reader import Material, Shape
+from raycheck.scene.materials import Material
+from raycheck.scene.reader import Shape
 from raycheck.scene.techniques import TECHNIQUES, applicable, technique
 from raycheck.stats.tiles import quad_tree, region_means, region_variances, whole
 from raycheck.truth.closed_forms import forms, furnace, lamp_grid, mirrors, solids

@@ -11,6 +11,7 @@ typedef enum {
     AS_FLOAT,     /* double */
     AS_IOR,       /* double: an index of refraction, or a medium's name */
     AS_COLOUR,    /* double[3] */
+    AS_REFLECTANCE, /* Reflectance */
     AS_VECTOR,    /* double[3] */
     AS_INTEGER,   /* int */
     AS_BOOLEAN,   /* bool */
@@ -36,6 +37,13 @@ typedef struct {
     char *name, *bytes;
     size_t size;
 } File;
+
+/* What share of light goes on: a colour, or a texture of them. */
+typedef struct {
+    double most[3], least[3]; /* of the texture, by channel; of a colour, that */
+    int texture;              /* the description's n-th, from 1 on; 0: a colour */
+    struct Node *element;     /* <texture> or <ref>, until that is read */
+} Reflectance;
 
 /* An element, as far as its plugin's struct does not say it. */
 enum { MOST_FIELDS = 16 };

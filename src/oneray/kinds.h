@@ -2,7 +2,7 @@
    these lines come the enums, the bits of the feature mask, the reader's tables of plugins, the features of a scene
    and the places where a kernel chooses between kinds. The Makefile makes kinds/FOLDER.h, which includes the files
    of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
-   emitters/emitter.h, sensors/eye.h.
+   textures/texture.h, emitters/emitter.h, sensors/eye.h.
 
    A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
    what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
@@ -44,7 +44,8 @@
 #define SKIES(X) X(CONSTANT, constant, "environment")
 #define EMITTERS(X) X(AREA, area, "area light") DELTA_EMITTERS(X) SKIES(X)
 
-#define TEXTURES(X)
+/* What a reflectance can be instead of a colour. */
+#define TEXTURES(X) X(CHECKERBOARD, checkerboard, "checkerboard")
 #define MEDIA(X)
 #define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
 
@@ -60,7 +61,8 @@
     X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
     X(MANY_LIGHTS, many_lights, "light choice")                                                              \
     X(HIDDEN, hidden, "hidden emitters")                                                                      \
-    X(UV, uv, "texture coordinates")
+    X(UV, uv, "texture coordinates")                                                                         \
+    X(ANISOTROPIC, anisotropic, "anisotropic roughness")
 
 /* VERTICES and PARTS, and the empty lists, are seams for what is to come: nothing of today sets them.
    What a technique does with it (technique.h). */
@@ -83,6 +85,9 @@
 
 #define X(NAME, name, words) MATERIAL_##NAME,
 typedef enum { MATERIALS(X) MATERIAL_BLEND } MaterialKind;
+#undef X
+#define X(NAME, name, words) TEXTURE_##NAME,
+typedef enum { TEXTURE_NONE, TEXTURES(X) TEXTURE_KINDS } TextureKind;
 #undef X
 #define X(NAME, name, words) SHAPE_##NAME,
 typedef enum { SHAPES(X) SHAPE_KINDS } ShapeKind;

@@ -429,7 +429,7 @@ static const Material *absorbs_nothing(const Description *scene)
     for (int i = 0; i < scene->material_count; i++) {
         MaterialTraits traits = material_traits(&scene->materials[i]);
         for (int c = 0; c < 3 && traits.reflected; c++)
-            if (traits.reflected[c] >= 1 && !traits.absorbs)
+            if (traits.reflected->least[c] >= 1 && !traits.absorbs)
                 return &scene->materials[i];
     }
     return NULL;

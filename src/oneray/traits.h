@@ -1,13 +1,23 @@
-/* What is asked of a material, an emitter or a sensor of any kind: NAME_traits of the kind's file answers. */
+/* What is asked of a material, a texture, an emitter or a sensor of any kind: NAME_traits of the kind's file
+   answers. */
 #pragma once
+
+#include "fields.h"
+#include "vectors.h"
 
 #include <stdbool.h>
 
 typedef struct {
-    const double *reflected, *transmitted; /* of the light, at most, by channel; NULL: it has no back side of its own */
+    const Reflectance *reflected, *transmitted; /* of the light; NULL: it has no back side of its own */
     bool absorbs;                          /* part of the rest: a metal */
     const char *odd;                       /* why single precision may not do, or NULL */
+    bool anisotropic;                      /* it looks different when it is turned about its normal */
 } MaterialTraits;
+
+typedef struct {
+    double most[3], least[3]; /* by channel */
+    const Affine *to_uv;      /* what acts on (u, v) */
+} TextureTraits;
 
 /* Where light comes from, and so the measure of an emission and what flux (W) is in proportion to. */
 typedef enum {

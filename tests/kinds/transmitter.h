@@ -6,26 +6,26 @@
 #include "traits.h"
 
 typedef struct transmitter {
-    double reflectance[3], transmittance[3];
-    double albedo[3]; /* their sum, once it is checked */
+    Reflectance reflectance, transmittance;
+    Reflectance albedo; /* their sum, once it is checked */
 } Transmitter;
 
 static inline void transmitter_check(void *plugin, Said *said)
 {
     Transmitter *m = plugin;
     for (int c = 0; c < 3; c++) {
-        m->albedo[c] = m->reflectance[c] + m->transmittance[c];
-        if (m->albedo[c] > 1 + 1e-9)
-            fail(said, "reflectance and transmittance add up to %g", m->albedo[c]);
+        m->albedo.most[c] = m->albedo.least[c] = m->reflectance.most[c] + m->transmittance.most[c];
+        if (m->albedo.most[c] > 1 + 1e-9)
+            fail(said, "reflectance and transmittance add up to %g", m->albedo.most[c]);
     }
 }
 static const Plugin transmitter_plugin = {"transmitter", transmitter_check, {
-    {"reflectance", AS_COLOUR, offsetof(Transmitter, reflectance), "[0,1]", ".5"},
-    {"transmittance", AS_COLOUR, offsetof(Transmitter, transmittance), "[0,1]", ".5"}}};
+    {"reflectance", AS_REFLECTANCE, offsetof(Transmitter, reflectance), "[0,1]", ".5"},
+    {"transmittance", AS_REFLECTANCE, offsetof(Transmitter, transmittance), "[0,1]", ".5"}}};
 
 static inline MaterialTraits transmitter_traits(const Transmitter *m)
 {
-    return (MaterialTraits){m->albedo, m->transmittance, false, NULL};
+    return (MaterialTraits){&m->albedo, &m->transmittance, .odd = NULL};
 }
 
 #ifdef LANES
@@ -35,14 +35,13 @@ static inline MaterialTraits transmitter_traits(const Transmitter *m)
 enum { transmitter_transmits = 1 };
 
 typedef struct transmitter_row {
-    Num reflectance[3];
-    Num transmittance[3]; /* of all of it, whatever the part's share */
+    ReflectanceRow reflectance, transmittance; /* the latter of all of it, whatever the part's share */
 } TransmitterRow;
 static inline void transmitter_row(const Transmitter *m, int side, TransmitterRow *row)
 {
     (void)side;
-    store(row->reflectance, m->reflectance);
-    store(row->transmittance, m->transmittance);
+    store_reflectance(&row->reflectance, &m->reflectance);
+    store_reflectance(&row->transmittance, &m->transmittance);
 }
 
 /* What goes to either side, both times the part's share, and how often the sampled direction is on the ray's. */
@@ -51,17 +50,19 @@ typedef struct {
     Real p_reflect;
 } TransmitterSides;
 
-INLINE TransmitterSides transmitter_sides(const Materials *materials, const Part *part)
+INLINE TransmitterSides transmitter_sides(const Materials *materials, const Part *part, const Surface *s, Features f)
 {
-    Light t = light_scale(ROW_LIGHT(materials, part->row, Transmitter, transmittance), part->share);
+    Light t = reflectance_at(materials, part->row, ROW_AT(Transmitter, transmittance), s, f);
+    t = light_scale(t, part->share);
     Real most = light_max(part->reflectance), all = most + light_max(t);
     return (TransmitterSides){part->reflectance, t, select(all > real(0), most / all, real(0.5))};
 }
 
-INLINE Light transmitter_eval(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine)
+INLINE Light transmitter_eval(
+    const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    (void)s, (void)wi;
-    TransmitterSides sides = transmitter_sides(materials, part);
+    (void)wi;
+    TransmitterSides sides = transmitter_sides(materials, part, s, f);
     return light_scale(light_select(cosine > real(0), sides.reflected, sides.transmitted), REAL_INV_PI);
 }
 
@@ -69,8 +70,8 @@ INLINE Light transmitter_eval(const Materials *materials, const Part *part, cons
 INLINE Real transmitter_pdf_w(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    (void)s, (void)wi;
-    Real p = transmitter_sides(materials, part).p_reflect, c = real_abs(cosine);
+    (void)wi;
+    Real p = transmitter_sides(materials, part, s, f).p_reflect, c = real_abs(cosine);
     Real hemisphere = f.use & USE_COSINE ? pdf_w_hemisphere_cosine(c) : pdf_w_hemisphere_uniform();
     return hemisphere * select(cosine > real(0), p, real(1) - p);
 }
@@ -79,8 +80,8 @@ INLINE Real transmitter_pdf_w(
 INLINE Light transmitter_factor(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    (void)s, (void)wi;
-    TransmitterSides sides = transmitter_sides(materials, part);
+    (void)wi;
+    TransmitterSides sides = transmitter_sides(materials, part, s, f);
     Mask reflects = cosine > real(0);
     Real p = select(reflects, sides.p_reflect, real(1) - sides.p_reflect) * part->share;
     Real over_p = only(p > real(0), real(1) / p);
@@ -92,7 +93,7 @@ INLINE Light transmitter_factor(
 INLINE Scatter transmitter_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
-    Real p = transmitter_sides(materials, part).p_reflect;
+    Real p = transmitter_sides(materials, part, s, f).p_reflect;
     Mask reflects = u[0] < p;
     Real again = select(reflects, u[0] / p, (u[0] - p) / (real(1) - p));
     Vec local = f.use & USE_COSINE ? sample_hemisphere_cosine(again, u[1]) : sample_hemisphere_uniform(again, u[1]);

@@ -19,6 +19,10 @@ STAGE Surface surface_at(
     s.cos_face = real_abs(of_face);
     s.n = vec_scale(n, flip_sign(real(1), cosine));
     s.cos_o = real_abs(cosine);
+    if (f.has & HAS_UV) {
+        SurfaceFrame frame = surface_frame(shapes, s.slot, s.of, s.p, f);
+        s.u = frame.u, s.v = frame.v, s.dp_du = frame.dp_du;
+    }
     s.row = s.of * 2 + index_select(cosine > real(0), index_of(0), index_of(1));
     find_material(materials, &s, f);
     return s;

@@ -294,16 +294,26 @@ INLINE void gather_row(const void *table, Index row, int size, Real *out)
         gather_four((const Num *)table + k, row * size, out + k);
 }
 
-/* 1.5·2^23 or 1.5·2^52: added to a number, it leaves the nearest integer in the low bits of the fraction. */
-#define REAL_BIG real(BY_PRECISION(12582912.0, 6755399441055744.0))
+/* Numbers below the first, 2^22 or 2^51, and the second, 3·2^22 or 3·2^51: added to such a number, it leaves the nearest
+   integer in the low bits of the fraction. */
+#define INTEGER_MOST real(BY_PRECISION(4194304.0, 2251799813685248.0))
+#define INTEGERS real(BY_PRECISION(12582912.0, 6755399441055744.0))
 
-/* The integer part of a, 0 <= a < 2^22 (single) or 2^51 (double). */
+/* The integer part of a, 0 <= a < INTEGER_MOST. */
 INLINE Index real_floor(Real a)
 {
-    const Real big = REAL_BIG;
+    const Real big = INTEGERS;
     Real nearest = (a + big) - big;
     Bits low = real_bits(nearest + big) - real_bits(big);
     return (Index)low - index_select(nearest > a, index_of(1), index_of(0));
+}
+
+/* a - ⌊a⌋, of any sign; 0 where a has no digits behind the point but perhaps one half. */
+INLINE Real real_fraction(Real a)
+{
+    const Real big = INTEGERS;
+    Real nearest = (a + big) - big, floor = nearest - only(nearest > a, real(1));
+    return only(real_abs(a) < INTEGER_MOST, a - floor);
 }
 
 #define REAL_PI real(3.14159265358979323846)
@@ -315,7 +325,8 @@ STAGE void sincos_turn(Real u, Real *sine, Real *cosine)
 {
     Real quarters = real(4) * u;
     Index quarter = real_floor(quarters + real(0.5));
-    Real x = (quarters - (bits_real((Bits)quarter + real_bits(REAL_BIG)) - REAL_BIG)) * real(1.57079632679489661923);
+    const Real big = INTEGERS;
+    Real x = (quarters - (bits_real((Bits)quarter + real_bits(big)) - big)) * real(1.57079632679489661923);
     Real xx = x * x;
     Real s = real(-1 / 5040.0), c = real(1 / 40320.0);
 #ifndef SINGLE

@@ -6,7 +6,7 @@
 #include "traits.h"
 
 typedef struct conductor {
-    double specular_reflectance[3];
+    Reflectance specular_reflectance;
     double eta[3], k[3]; /* complex index of refraction eta + i k, by channel, … */
     bool fresnel;        /* … of a metal; else Mitsuba's material "none", a perfect mirror */
     const char *material;
@@ -41,13 +41,13 @@ static inline void conductor_check(void *plugin, Said *said)
 }
 static const Plugin conductor_plugin = {"conductor", conductor_check, {
     {"material", AS_STRING, offsetof(Conductor, material), NULL, ""},
-    {"specular_reflectance", AS_COLOUR, offsetof(Conductor, specular_reflectance), "[0,1]", "1"},
+    {"specular_reflectance", AS_REFLECTANCE, offsetof(Conductor, specular_reflectance), "[0,1]", "1"},
     {"eta", AS_COLOUR, offsetof(Conductor, eta), "(0,1000]", ""},
     {"k", AS_COLOUR, offsetof(Conductor, k), "[0,1000]", ""}}};
 
 static inline MaterialTraits conductor_traits(const Conductor *m)
 {
-    return (MaterialTraits){m->specular_reflectance, NULL, m->fresnel, NULL};
+    return (MaterialTraits){&m->specular_reflectance, NULL, m->fresnel, .odd = NULL};
 }
 
 #ifdef LANES
@@ -57,14 +57,14 @@ static inline MaterialTraits conductor_traits(const Conductor *m)
 enum { conductor_transmits = 0 };
 
 typedef struct conductor_row {
-    Num reflectance[3];
+    ReflectanceRow reflectance;
     Num eta[3], k[3]; /* the complex index of refraction eta + i k; k < 0 stands for a perfect mirror */
 } ConductorRow;
 static inline void conductor_row(const Conductor *m, int side, ConductorRow *row)
 {
     const double perfect[3] = {-1, -1, -1};
     (void)side;
-    store(row->reflectance, m->specular_reflectance);
+    store_reflectance(&row->reflectance, &m->specular_reflectance);
     store(row->eta, m->eta);
     store(row->k, m->fresnel ? m->k : perfect);
 }

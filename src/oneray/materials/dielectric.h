@@ -8,7 +8,7 @@
 
 typedef struct dielectric {
     double int_ior, ext_ior; /* indices of refraction; the normal points outside */
-    double specular_reflectance[3], specular_transmittance[3];
+    Reflectance specular_reflectance, specular_transmittance;
 } Dielectric;
 
 static inline void dielectric_check(void *plugin, Said *said)
@@ -20,8 +20,8 @@ static inline void dielectric_check(void *plugin, Said *said)
 static const Plugin dielectric_plugin = {"dielectric", dielectric_check, {
     {"int_ior", AS_IOR, offsetof(Dielectric, int_ior), "(0,1000]", ""},
     {"ext_ior", AS_IOR, offsetof(Dielectric, ext_ior), "(0,1000]", ""},
-    {"specular_reflectance", AS_COLOUR, offsetof(Dielectric, specular_reflectance), "[0,1]", "1"},
-    {"specular_transmittance", AS_COLOUR, offsetof(Dielectric, specular_transmittance), "[0,1]", "1"}}};
+    {"specular_reflectance", AS_REFLECTANCE, offsetof(Dielectric, specular_reflectance), "[0,1]", "1"},
+    {"specular_transmittance", AS_REFLECTANCE, offsetof(Dielectric, specular_transmittance), "[0,1]", "1"}}};
 
 /* Inside over outside. */
 static inline double dielectric_ior(const Dielectric *m) { return m->int_ior / m->ext_ior; }
@@ -29,7 +29,7 @@ static inline double dielectric_ior(const Dielectric *m) { return m->int_ior / m
 static inline MaterialTraits dielectric_traits(const Dielectric *m)
 {
     const char *odd = fabs(dielectric_ior(m) - 1) < 1e-3 ? "an index of refraction within 0.001 of 1" : NULL;
-    return (MaterialTraits){m->specular_reflectance, m->specular_transmittance, false, odd};
+    return (MaterialTraits){&m->specular_reflectance, &m->specular_transmittance, .odd = odd};
 }
 
 #ifdef LANES
@@ -39,15 +39,14 @@ static inline MaterialTraits dielectric_traits(const Dielectric *m)
 enum { dielectric_transmits = 1 };
 
 typedef struct dielectric_row {
-    Num reflectance[3];
-    Num transmittance[3];
+    ReflectanceRow reflectance, transmittance;
     Num ratio; /* the index of refraction on this side over that beyond */
 } DielectricRow;
 static inline void dielectric_row(const Dielectric *m, int side, DielectricRow *row)
 {
     double ior = dielectric_ior(m);
-    store(row->reflectance, m->specular_reflectance);
-    store(row->transmittance, m->specular_transmittance);
+    store_reflectance(&row->reflectance, &m->specular_reflectance);
+    store_reflectance(&row->transmittance, &m->specular_transmittance);
     row->ratio = (Num)(side ? ior : 1 / ior);
 }
 
@@ -85,7 +84,7 @@ INLINE Scatter dielectric_sample(
     Real transmittance = f.use & USE_SCHLICK ? schlick_transmittance(c, c_t, ratio) : fresnel_transmittance(c, c_t, ratio);
     Mask reflects = real(1) - u[0] >= transmittance;
     Vec refracted = vec_sub(vec_scale(s->n, ratio * c - c_t), vec_scale(s->wo, ratio));
-    Light tint = ROW_LIGHT(materials, part->row, Dielectric, transmittance);
+    Light tint = reflectance_at(materials, part->row, ROW_AT(Dielectric, transmittance), s, f);
     return (Scatter){vec_select(reflects, mirrored(s), refracted),
         light_select(reflects, part->reflectance, tint), real(0), mask_all(),
         select(reflects, real(1), ratio * ratio)};

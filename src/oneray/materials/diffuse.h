@@ -5,15 +5,15 @@
 #include "traits.h"
 
 typedef struct diffuse {
-    double reflectance[3];
+    Reflectance reflectance;
 } Diffuse;
 
 static const Plugin diffuse_plugin = {"diffuse", NULL, {
-    {"reflectance", AS_COLOUR, offsetof(Diffuse, reflectance), "[0,1]", ".5"}}};
+    {"reflectance", AS_REFLECTANCE, offsetof(Diffuse, reflectance), "[0,1]", ".5"}}};
 
 static inline MaterialTraits diffuse_traits(const Diffuse *m)
 {
-    return (MaterialTraits){m->reflectance, NULL, false, NULL};
+    return (MaterialTraits){&m->reflectance, NULL, .odd = NULL};
 }
 
 #ifdef LANES
@@ -23,17 +23,18 @@ static inline MaterialTraits diffuse_traits(const Diffuse *m)
 enum { diffuse_transmits = 0 };
 
 typedef struct diffuse_row {
-    Num reflectance[3];
+    ReflectanceRow reflectance;
 } DiffuseRow;
 static inline void diffuse_row(const Diffuse *m, int side, DiffuseRow *row)
 {
     (void)side;
-    store(row->reflectance, m->reflectance);
+    store_reflectance(&row->reflectance, &m->reflectance);
 }
 
-INLINE Light diffuse_eval(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine)
+INLINE Light diffuse_eval(
+    const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    (void)materials, (void)s, (void)wi, (void)cosine;
+    (void)materials, (void)s, (void)wi, (void)cosine, (void)f;
     return light_scale(part->reflectance, REAL_INV_PI);
 }
 

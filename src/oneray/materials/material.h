@@ -3,7 +3,7 @@
    materials/NAME.h defines, for a kind of the list MATERIALS in kinds.h,
      Name, name_plugin   what a scene file says of it
      name_traits         what is asked of that (traits.h): reflected is all that goes on, on either side
-     NameRow, name_row   its numbers as a kernel has them, the reflectance first, and how they come about
+     NameRow, name_row   its numbers as a kernel has them, a ReflectanceRow first, and how they come about
      name_transmits      trait: light goes through
      name_sample         one direction that the path goes on by
    and if it is one of FINITE_MATERIALS
@@ -14,8 +14,9 @@
    they are not asked of light from behind (cosine < 0) unless they transmit. scatter.h chooses between them. */
 #pragma once
 
-#include "lanes/light.h"
+#include "fields.h"
 #include "lanes/sample.h"
+#include "textures/lookup.h"
 
 #include <stddef.h>
 
@@ -30,6 +31,7 @@ typedef struct {
     Num *share;  /* of the whole blend */
     Int *has;    /* by first row, of all parts: PARTS_TRANSMIT, a finite one does; PARTS_DELTA, there is one */
     int layers;  /* rows of the longest blend */
+    Textures textures;
 } Materials;
 enum { PARTS_TRANSMIT = 1, PARTS_DELTA = 2 };
 
@@ -40,6 +42,17 @@ enum { PARTS_TRANSMIT = 1, PARTS_DELTA = 2 };
 #define ROW_REAL(materials, row, Name, member)                                                               \
     gather((materials)->numbers + ROW_AT(Name, member), (row) << (materials)->shift)
 
+/* A Reflectance: its colour (of a texture white, times the share) and its row of the textures. */
+typedef struct {
+    Num colour[3], texture;
+} ReflectanceRow;
+static inline void store_reflectance(ReflectanceRow *row, const Reflectance *from)
+{
+    static const double white[3] = {1, 1, 1};
+    store(row->colour, from->texture ? white : from->most);
+    row->texture = (Num)from->texture;
+}
+
 /* A surface point as its material sees it. */
 typedef struct {
     Vec p, n; /* n on the side that the ray came from */
@@ -48,12 +61,25 @@ typedef struct {
     Vec wo; /* to the viewer */
     Real cos_o;
     Index slot, of; /* of: its row in the tables by slot */
+    Real u, v; /* HAS_UV: texture coordinates, … */
+    Vec dp_du; /* … and where u grows */
     Index row, kind;
     Light reflectance; /* the row's */
     Real share;        /* and its share of a blend */
     Mask delta;        /* its material, or all parts of a blend: no ray to a light can be sent from it */
     Mask both_sides;   /* it takes light from behind, too, that is no delta's */
 } Surface;
+
+/* The reflectance that stands at this place of a row, of either kind: a scene without textures does not ask. */
+INLINE Light reflectance_at(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
+{
+    Real own[4];
+    gather_four(materials->numbers + place, row << materials->shift, own);
+    Light colour = light(own[0], own[1], own[2]);
+    return f.has & HAS_ANY(TEXTURES)
+               ? light_mul(colour, texture_at(&materials->textures, real_floor(own[3]), s->u, s->v, f))
+               : colour;
+}
 
 /* A row of the surface's material: all of it, or a part of a blend. */
 typedef struct {

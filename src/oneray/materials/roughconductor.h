@@ -8,7 +8,8 @@
 
 typedef struct roughconductor {
     Conductor metal;
-    double alpha, alpha_u, alpha_v; /* roughness: half of the mirrors are steeper than this slope */
+    double alpha;            /* roughness: half of the mirrors are steeper than this slope */
+    double alpha_u, alpha_v; /* once it is checked, the same along the surface's dp/du, and across that */
 } RoughConductor;
 
 static inline void roughconductor_check(void *plugin, Said *said)
@@ -19,10 +20,8 @@ static inline void roughconductor_check(void *plugin, Said *said)
         fail(said, "<bsdf type=\"roughconductor\">: write <string name=\"distribution\" value=\"ggx\"/>");
     if (!u != !v || (u && given(said, "alpha")))
         fail(said, "<bsdf type=\"roughconductor\">: write alpha, or both alpha_u and alpha_v");
-    if (u && m->alpha_u != m->alpha_v)
-        fail(u, "a roughness that depends on the direction (alpha_u is not alpha_v) is not supported");
-    m->alpha = u ? m->alpha_u : m->alpha;
-    m->alpha = m->alpha > 1e-4 ? m->alpha : 1e-4; /* as Mitsuba */
+    m->alpha_u = fmax(u ? m->alpha_u : m->alpha, 1e-4); /* as Mitsuba */
+    m->alpha_v = fmax(u ? m->alpha_v : m->alpha, 1e-4);
     conductor_check(&m->metal, said);
 }
 static const Plugin roughconductor_plugin = {"roughconductor", roughconductor_check, {
@@ -32,14 +31,14 @@ static const Plugin roughconductor_plugin = {"roughconductor", roughconductor_ch
     {"alpha_v", AS_FLOAT, offsetof(RoughConductor, alpha_v), "[0,1000]", ""},
     {"sample_visible", AS_BOOLEAN, NOWHERE, NULL, "true"}, /* how it is sampled, not what it is */
     {"material", AS_STRING, offsetof(RoughConductor, metal.material), NULL, ""},
-    {"specular_reflectance", AS_COLOUR, offsetof(RoughConductor, metal.specular_reflectance), "[0,1]", "1"},
+    {"specular_reflectance", AS_REFLECTANCE, offsetof(RoughConductor, metal.specular_reflectance), "[0,1]", "1"},
     {"eta", AS_COLOUR, offsetof(RoughConductor, metal.eta), "(0,1000]", ""},
     {"k", AS_COLOUR, offsetof(RoughConductor, metal.k), "[0,1000]", "1"}}};
 
 static inline MaterialTraits roughconductor_traits(const RoughConductor *m)
 {
-    const char *odd = m->alpha < 0.01 ? "a roughness below 0.01" : NULL;
-    return (MaterialTraits){m->metal.specular_reflectance, NULL, true, odd};
+    const char *odd = fmin(m->alpha_u, m->alpha_v) < 0.01 ? "a roughness below 0.01" : NULL;
+    return (MaterialTraits){&m->metal.specular_reflectance, NULL, true, odd, m->alpha_u != m->alpha_v};
 }
 
 #ifdef LANES
@@ -49,24 +48,51 @@ static inline MaterialTraits roughconductor_traits(const RoughConductor *m)
 enum { roughconductor_transmits = 0 };
 
 typedef struct roughconductor_row {
-    Num reflectance[3];
+    ReflectanceRow reflectance;
     Num eta[3], k[3]; /* by default, η = 0 and k = 1, Fresnel's reflectance is 1 */
-    Num alpha;
+    Num alpha_u, alpha_v;
 } RoughConductorRow;
 static inline void roughconductor_row(const RoughConductor *m, int side, RoughConductorRow *row)
 {
     (void)side;
-    store(row->reflectance, m->metal.specular_reflectance);
+    store_reflectance(&row->reflectance, &m->metal.specular_reflectance);
     store(row->eta, m->metal.eta);
     store(row->k, m->metal.k);
-    row->alpha = (Num)m->alpha;
+    row->alpha_u = (Num)m->alpha_u;
+    row->alpha_v = (Num)m->alpha_v;
 }
 
-/* 2 cosθ/G1(θ), Smith's: cosθ + √(cos²θ + α² sin²θ). The latter is also how long a unit vector is once all that
-   is across the normal is shrunk by α. */
-INLINE Real ggx_stretch(Real c, Real alpha)
+/* The roughness of a part; where some are anisotropic, along two unit vectors of the surface. */
+typedef struct {
+    Real u, v;
+    Vec along_u, along_v;
+} Roughness;
+
+/* The tangents are dp/du less what lies along the shading normal, and across that, as Mitsuba's; any where it is 0. */
+INLINE Roughness roughness_of(const Materials *materials, const Part *part, const Surface *s, Features f)
 {
-    return real_sqrt(c * c + alpha * alpha * ((real(1) - c) * (real(1) + c)));
+    Roughness a;
+    a.u = ROW_REAL(materials, part->row, RoughConductor, alpha_u);
+    if (!(f.has & HAS_ANISOTROPIC))
+        return a;
+    a.v = ROW_REAL(materials, part->row, RoughConductor, alpha_v);
+    vec_frame(s->n, &a.along_u, &a.along_v);
+    Vec tangent = vec_sub(s->dp_du, vec_scale(s->n, vec_dot(s->n, s->dp_du)));
+    a.along_u = vec_select(vec_dot(tangent, tangent) > real(0), vec_normalize(tangent), a.along_u);
+    a.along_v = vec_cross(s->n, a.along_u);
+    return a;
+}
+
+/* How long a unit vector w, which has the cosine c with the normal, is once all that is across that is shrunk by α:
+   α² sin²θ = α_u² x² + α_v² y². And, Smith's, 2 cosθ/G1(θ) = cosθ + √(cos²θ + α² sin²θ). */
+INLINE Real ggx_stretch(const Roughness *a, Vec w, Real c, Features f)
+{
+    Real across = a->u * a->u * ((real(1) - c) * (real(1) + c));
+    if (f.has & HAS_ANISOTROPIC) {
+        Real x = a->u * vec_dot(w, a->along_u), y = a->v * vec_dot(w, a->along_v);
+        across = x * x + y * y;
+    }
+    return real_sqrt(c * c + across);
 }
 
 /* What eval, pdf and factor have in common, at the half vector h ∥ wo + wi. */
@@ -76,26 +102,36 @@ typedef struct {
     Real o, i;     /* 2 cosθ/G1(θ) */
 } Ggx;
 
-/* D = 1/(π α² (sin²θ_h/α² + cos²θ_h)²), by h's parts along the normal and across, which keep their digits. */
-STAGE Ggx ggx(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine)
+/* D = 1/(π α_u α_v (x²/α_u² + y²/α_v² + z²)²) of h/|h| = (x, y, z), by h's parts along the normal and across, which
+   keep their digits: (α_u α_v)³ |h|⁴/(π size²), where size is α_u² α_v² times those parts shrunk by 1/α. */
+STAGE Ggx ggx(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    Real alpha = ROW_REAL(materials, part->row, RoughConductor, alpha);
+    Roughness a = roughness_of(materials, part, s, f);
     Light eta = ROW_LIGHT(materials, part->row, RoughConductor, eta);
     Light k = ROW_LIGHT(materials, part->row, RoughConductor, k);
     Vec h = vec_add(s->wo, wi);
     Real hh = vec_dot(h, h), along = s->cos_o + cosine, c = real_min(real(0.5) * real_sqrt(hh), real(1));
     Vec across = vec_sub(h, vec_scale(s->n, along));
-    Real size = vec_dot(across, across) + alpha * alpha * (along * along);
-    Real q = alpha * only(size > real(0), hh / size);
-    return (Ggx){light_mul(part->reflectance, fresnel_of_metal(c, eta, k)), q * q * REAL_INV_PI,
-        s->cos_o + ggx_stretch(s->cos_o, alpha), cosine + ggx_stretch(cosine, alpha)};
+    Real size, d;
+    if (f.has & HAS_ANISOTROPIC) {
+        Real x = a.v * vec_dot(across, a.along_u), y = a.u * vec_dot(across, a.along_v), both = a.u * a.v;
+        size = x * x + y * y + both * both * (along * along);
+        Real q = both * only(size > real(0), hh / size);
+        d = q * q * both * REAL_INV_PI;
+    } else {
+        size = vec_dot(across, across) + a.u * a.u * (along * along);
+        Real q = a.u * only(size > real(0), hh / size);
+        d = q * q * REAL_INV_PI;
+    }
+    return (Ggx){light_mul(part->reflectance, fresnel_of_metal(c, eta, k)), d,
+        s->cos_o + ggx_stretch(&a, s->wo, s->cos_o, f), cosine + ggx_stretch(&a, wi, cosine, f)};
 }
 
 /* F D G/(4 cosθo cosθi), G = G1(θo) G1(θi): Smith's, separable, as Mitsuba has it. */
 INLINE Light roughconductor_eval(
-    const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine)
+    const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    Ggx m = ggx(materials, part, s, wi, cosine);
+    Ggx m = ggx(materials, part, s, wi, cosine, f);
     return light_scale(m.fresnel, m.d / (m.o * m.i));
 }
 
@@ -103,7 +139,7 @@ INLINE Light roughconductor_eval(
 INLINE Real roughconductor_pdf_w(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    Ggx m = ggx(materials, part, s, wi, cosine);
+    Ggx m = ggx(materials, part, s, wi, cosine, f);
     return f.use & USE_COSINE ? m.d / (real(2) * m.o) : pdf_w_hemisphere_uniform();
 }
 
@@ -111,7 +147,7 @@ INLINE Real roughconductor_pdf_w(
 INLINE Light roughconductor_factor(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    Ggx m = ggx(materials, part, s, wi, cosine);
+    Ggx m = ggx(materials, part, s, wi, cosine, f);
     Real visible = real(2) * cosine / m.i, uniform = real(2) * REAL_PI * cosine * (m.d / (m.o * m.i));
     Real share = f.has & HAS_BLEND ? part->share : real(1);
     return light_scale(m.fresnel, (f.use & USE_COSINE ? visible : uniform) / share);
@@ -120,14 +156,21 @@ INLINE Light roughconductor_factor(
 /* A mirror as wo sees them: of a hemisphere, stretched from the mirrors by 1/α along the normal's plane. Uniform on
    the cap of the sphere around it and the viewer's direction: Dupuy & Benyoub, Sampling Visible GGX Normals with
    Spherical Caps, HPG 2023. Some reflect to below the surface; what they send is lost. */
-INLINE Vec sample_visible_mirror(const Surface *s, Real alpha, const Real u[2])
+INLINE Vec sample_visible_mirror(const Surface *s, const Roughness *a, const Real u[2], Features f)
 {
-    Real stretch = ggx_stretch(s->cos_o, alpha), z_o = s->cos_o / stretch, up = (real(1) - u[0]) * (real(1) + z_o);
+    Real stretch = ggx_stretch(a, s->wo, s->cos_o, f), z_o = s->cos_o / stretch;
+    Real up = (real(1) - u[0]) * (real(1) + z_o);
     Real z = up - z_o, sine, cosine, ring = real_sqrt(real_max((real(1) - z) * (real(1) + z), real(0)));
     sincos_turn(u[1], &sine, &cosine);
+    if (f.has & HAS_ANISOTROPIC) {
+        Real x = ring * cosine + a->u / stretch * vec_dot(s->wo, a->along_u);
+        Real y = ring * sine + a->v / stretch * vec_dot(s->wo, a->along_v);
+        Vec across = vec_add(vec_scale(a->along_u, a->u * x), vec_scale(a->along_v, a->v * y));
+        return vec_add(across, vec_scale(s->n, up));
+    }
     Vec cap = vec_from_frame(s->n, vec(ring * cosine, ring * sine, real(0)));
-    Vec o_across = vec_scale(vec_sub(s->wo, vec_scale(s->n, s->cos_o)), alpha / stretch);
-    return vec_add(vec_scale(vec_add(cap, o_across), alpha), vec_scale(s->n, up));
+    Vec o_across = vec_scale(vec_sub(s->wo, vec_scale(s->n, s->cos_o)), a->u / stretch);
+    return vec_add(vec_scale(vec_add(cap, o_across), a->u), vec_scale(s->n, up));
 }
 
 STAGE Scatter roughconductor_sample(
@@ -135,7 +178,8 @@ STAGE Scatter roughconductor_sample(
 {
     Vec wi;
     if (f.use & USE_COSINE) {
-        Vec m = sample_visible_mirror(s, ROW_REAL(materials, part->row, RoughConductor, alpha), u);
+        Roughness a = roughness_of(materials, part, s, f);
+        Vec m = sample_visible_mirror(s, &a, u, f);
         wi = vec_sub(vec_scale(m, real(2) * vec_dot(s->wo, m) / vec_dot(m, m)), s->wo);
     } else
         wi = vec_from_frame(s->n, sample_hemisphere_uniform(u[0], u[1]));

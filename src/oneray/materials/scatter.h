@@ -39,7 +39,7 @@ INLINE Mask is_delta(Index kind, Features f)
 INLINE void find_material(const Materials *materials, Surface *s, Features f)
 {
     s->kind = kind_of_row(materials, s->row, f);
-    s->reflectance = light_gather(materials->numbers, s->row << materials->shift);
+    s->reflectance = reflectance_at(materials, s->row, 0, s, f);
     s->share = f.has & HAS_BLEND ? gather(materials->p_stay, s->row) : real(1);
     s->delta = is_delta(s->kind, f);
     s->both_sides =
@@ -71,7 +71,7 @@ INLINE Evaluation evaluate_part(
         Mask is = one_kind || !MATERIAL_##NAME ? mask_all() : kind == index_of(MATERIAL_##NAME);             \
         if (some_transmit && !name##_transmits) /* to it, what is behind is dark */                          \
             is &= cosine > real(0);                                                                          \
-        out.f_r = light_select(is, name##_eval(materials, part, s, wi, cosine), out.f_r);                    \
+        out.f_r = light_select(is, name##_eval(materials, part, s, wi, cosine, f), out.f_r);                    \
         out.pdf_w = select(is, name##_pdf_w(materials, part, s, wi, cosine, f), out.pdf_w);                  \
         if (f.use & USE_SURVIVAL_PDF)                                                                        \
             out.factor = light_select(is, name##_factor(materials, part, s, wi, cosine, f), out.factor);     \
@@ -87,7 +87,7 @@ INLINE Evaluation evaluate_part(
 INLINE Part part_of_row(const Materials *materials, const Surface *s, Index row, Features f)
 {
     Real share = f.has & HAS_PARTS ? gather(materials->share, row) : s->share;
-    return (Part){row, light_gather(materials->numbers, row << materials->shift), share};
+    return (Part){row, reflectance_at(materials, row, 0, s, f), share};
 }
 
 /* L16 Takes the parts of mixed materials that are no delta together: Σ f_r, Σ share pdf_w. */

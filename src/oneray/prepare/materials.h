@@ -4,20 +4,23 @@
 
 #include "prepare/shapes.h"
 
-/* Room for the largest row of any kind of material in the mask, as a power of two of numbers. */
-static int row_shift(Features f)
-{
-    size_t most = 4;
-    int shift = 0;
+/* The kinds' rows that are in the mask: room for the largest, as a power of two of numbers. */
 #define X(NAME, name, words)                                                                                 \
-    if ((f.has & HAS_##NAME) && most < sizeof(struct name##_row) / sizeof(Num))                              \
-        most = sizeof(struct name##_row) / sizeof(Num);
-    MATERIALS(X)
-#undef X
-    while ((size_t)1 << shift < most)
+    while ((f.has & HAS_##NAME) && (sizeof(Num) << shift) < sizeof(struct name##_row))                       \
         shift++;
+static int material_shift(Features f)
+{
+    int shift = 2;
+    MATERIALS(X)
     return shift;
 }
+static int texture_shift(Features f)
+{
+    int shift = 2;
+    TEXTURES(X)
+    return shift;
+}
+#undef X
 
 /* A part of a blend: a material that is no blend, or MATERIAL_NONE, and its share of the whole. */
 typedef struct {
@@ -68,7 +71,14 @@ static bool part_is_finite(const Description *d, Share part)
     return finite;
 }
 
-/* Puts the parts that are no delta in front, in their order, and the diffuse ones together into one, f_r adding up:
+/* Diffuse of one colour, or black. */
+static bool is_plain(const Description *d, Share part)
+{
+    return part.material == MATERIAL_NONE
+           || (is_kind(d, part, MATERIAL_DIFFUSE) && !d->materials[part.material].as.diffuse.reflectance.texture);
+}
+
+/* Puts the parts that are no delta in front, in their order, and the plain diffuse ones together into one, f_r adding up:
    `albedo` gets that one's reflectance times its share. Returns how many parts are left, and how many of them are
    finite. */
 static int sort_parts(const Description *d, Share *parts, int count, double albedo[3], int *finite)
@@ -77,13 +87,13 @@ static int sort_parts(const Description *d, Share *parts, int count, double albe
     Share diffuse = {MATERIAL_NONE, 0};
     int left = 0;
     for (int i = 0; i < count; i++) {
-        if (!is_kind(d, parts[i], MATERIAL_DIFFUSE)) {
+        if (!is_plain(d, parts[i])) {
             others[left++] = parts[i];
             continue;
         }
         diffuse.share += parts[i].share;
         for (int c = 0; c < 3 && parts[i].material != MATERIAL_NONE; c++)
-            albedo[c] += parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance[c];
+            albedo[c] += parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance.most[c];
     }
     int used = 0;
     if (diffuse.share > 0)
@@ -162,6 +172,24 @@ static bool has_finite_parts(const Description *d)
     return has;
 }
 
+static void prepare_textures(Scene *scene, const Description *d)
+{
+    Textures *t = &scene->materials.textures;
+    size_t rows = (size_t)d->texture_count + 1;
+    t->shift = texture_shift(scene->features);
+    t->numbers = keep(scene, rows, sizeof *t->numbers << t->shift);
+    t->kind = keep(scene, rows, sizeof *t->kind);
+    for (int i = 0; i < d->texture_count; i++) {
+        Num *numbers = t->numbers + ((size_t)(i + 1) << t->shift);
+        t->kind[i + 1] = (Int)d->textures[i].kind;
+#define X(NAME, name, words)                                                                                 \
+    if (d->textures[i].kind == TEXTURE_##NAME)                                                               \
+        name##_row(&d->textures[i].as.name, (struct name##_row *)(void *)numbers);
+        TEXTURES(X)
+#undef X
+    }
+}
+
 static void prepare_materials(Scene *scene, const Description *d, const int *first_slot)
 {
     Materials *m = &scene->materials;
@@ -171,7 +199,7 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
         for (int side = 0; side < 2; side++)
             rows += (size_t)slots_of(d->shapes[i].kind)
                     * (size_t)parts_of(d, side ? d->shapes[i].back : d->shapes[i].front, 1, NULL);
-    m->shift = row_shift(scene->features);
+    m->shift = material_shift(scene->features);
     m->numbers = keep(scene, rows, ((size_t)1 << m->shift) * sizeof *m->numbers);
     m->kind = keep(scene, rows, sizeof *m->kind);
     m->has = keep(scene, rows, sizeof *m->has);

@@ -34,8 +34,13 @@ static uint64_t features_of_material(const Description *d, int index)
     if (material->kind == MATERIAL_BLEND)
         return HAS_BLEND | features_of_material(d, material->as.blend.first)
                | features_of_material(d, material->as.blend.second);
+    uint64_t has = material_wants_uv(d, index) ? HAS_UV : 0;
+    has |= material_traits(material).anisotropic ? HAS_ANISOTROPIC : 0;
+    const Reflectance *one;
+    for (int i = 0; (one = material_reflectance(material, i)); i++)
+        has |= one->texture ? HAS_OF(CHECKERBOARD, d->textures[one->texture - 1].kind - TEXTURE_CHECKERBOARD) : 0;
     bool metal = material->kind == MATERIAL_CONDUCTOR && material->as.conductor.fresnel;
-    return HAS_OF(DIFFUSE, material->kind) | (metal ? HAS_FRESNEL : 0);
+    return has | HAS_OF(DIFFUSE, material->kind) | (metal ? HAS_FRESNEL : 0);
 }
 
 /* What the technique does with lights of these kinds. */
@@ -102,6 +107,8 @@ static void *prepare(const Description *d, const Technique *technique, Features 
     scene->features = features;
     prepare_shapes(scene, d, first_slot);
     prepare_materials(scene, d, first_slot);
+    if (features.has & HAS_ANY(TEXTURES))
+        prepare_textures(scene, d);
     prepare_emitters(scene, d, technique, first_slot);
     prepare_camera(&scene->camera, &d->sensor);
     scene->max_depth = d->max_depth < 0 || d->max_depth > PATH_LIMIT ? PATH_LIMIT : (Int)d->max_depth;

@@ -50,6 +50,39 @@ static void load_files(Description *d, void *to, const Said *said)
     }
 }
 
+/* What a <ref> means, which must be of this tag; what is none means itself. */
+static Node *meant_by(const Builder *builder, Node *node, const char *tag)
+{
+    if (strcmp(node->tag, "ref") != 0)
+        return node;
+    const char *id = attribute(node, "id");
+    if (node->first)
+        fail(node->first, "<%s> cannot stand in <ref>", node->first->tag);
+    Node *found = find_id(builder->file, id);
+    if (!found)
+        fail(node, "<ref id=\"%.80s\"/>: nothing has this id", id);
+    if (strcmp(found->tag, tag) != 0)
+        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and only a <%s> can be referred to", id, found->tag, tag);
+    return found;
+}
+
+static int read_texture(Builder *builder, Node *node);
+
+/* Reads the textures that stand for reflectances. */
+static void load_textures(Builder *builder, void *to, const Said *said)
+{
+    for (const Field *field = said->fields; field->name; field++) {
+        Reflectance *reflectance = (Reflectance *)(void *)((char *)to + field->offset);
+        if (field->kind != AS_REFLECTANCE || !reflectance->element)
+            continue;
+        reflectance->texture = read_texture(builder, meant_by(builder, reflectance->element, "texture"));
+        TextureTraits traits = texture_traits(&builder->description->textures[reflectance->texture - 1]);
+        memcpy(reflectance->most, traits.most, sizeof traits.most);
+        memcpy(reflectance->least, traits.least, sizeof traits.least);
+        reflectance->element = NULL;
+    }
+}
+
 /* Fills `to`, the plugin's struct, with what the element says. */
 static Said read_plugin(Builder *builder, const Node *node, const Plugin *plugin, const char *objects, void *to)
 {
@@ -57,6 +90,7 @@ static Said read_plugin(Builder *builder, const Node *node, const Plugin *plugin
     read_fields(node, plugin->fields, objects, to, &said);
     said.triangles = &builder->description->mesh;
     load_files(builder->description, to, &said);
+    load_textures(builder, to, &said);
     if (plugin->check)
         plugin->check(to, &said);
     return said;
@@ -83,6 +117,22 @@ static Node *only_child(const Node *node, const char *tag)
 }
 
 #define PLUGIN(NAME, name, words) &name##_plugin,
+
+static const Plugin *const textures[] = {[TEXTURE_NONE] = NULL, TEXTURES(PLUGIN)};
+
+/* Its number: one that several materials refer to becomes one texture. */
+static int read_texture(Builder *builder, Node *node)
+{
+    Description *d = builder->description;
+    int kind = find_plugin(node, textures, COUNT(textures));
+    Texture texture = {.kind = (TextureKind)kind, .line = node->line};
+    if (node->state == READ)
+        return node->front;
+    read_plugin(builder, node, textures[kind], "", &texture.as);
+    PUSH(d->textures, d->texture_count, texture);
+    node->state = READ;
+    return node->front = d->texture_count;
+}
 
 /* Materials. A bsdf that several shapes refer to becomes one material. */
 
@@ -164,18 +214,7 @@ static void read_material(Builder *builder, Node *node)
 /* This <bsdf>, or the one that a <ref> means, once its materials are read. */
 static const Node *read_bsdf(Builder *builder, Node *node)
 {
-    Node *bsdf = node;
-    if (strcmp(node->tag, "ref") == 0) {
-        const char *id = attribute(node, "id");
-        if (node->first)
-            fail(node->first, "<%s> cannot stand in <ref>", node->first->tag);
-        bsdf = find_id(builder->file, id);
-        if (!bsdf)
-            fail(node, "<ref id=\"%.80s\"/>: nothing has this id", id);
-        if (strcmp(bsdf->tag, "bsdf") != 0)
-            fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and only a <bsdf> can be referred to", id,
-                 bsdf->tag);
-    }
+    Node *bsdf = meant_by(builder, node, "bsdf");
     if (bsdf->state == BEING_READ)
         fail(node, "the bsdf contains itself");
     if (bsdf->state == UNREAD) {
@@ -229,7 +268,7 @@ static void set_sides(Builder *builder, Node *node, Shape *shape)
         shape->back = material->back;
     } else if (!only_child(node, "emitter")) {
         if (builder->default_material == MATERIAL_NONE) {
-            Material grey = {.kind = MATERIAL_DIFFUSE, .line = node->line, .as.diffuse = {{.5, .5, .5}}};
+            Material grey = {.kind = MATERIAL_DIFFUSE, .line = node->line, .as.diffuse = {{{.5, .5, .5}, {.5, .5, .5}, 0, NULL}}};
             builder->default_material = add_material(builder->description, grey);
         }
         shape->front = builder->default_material;
@@ -251,6 +290,9 @@ static void read_shape(Builder *builder, Node *node)
         d->emitter_count -= shape.emitter >= 0;
         return;
     }
+    int bare = shape.kind == SHAPE_MESH ? shape.as.mesh.without_uv : 0;
+    if (bare && (material_wants_uv(d, shape.front) || material_wants_uv(d, shape.back)))
+        fail(node, "%d vertices of this mesh have no texture coordinates, which others have and its bsdf needs", bare);
     PUSH(d->shapes, d->shape_count, shape);
 }
 
@@ -330,7 +372,7 @@ static void check_root(const Node *root)
     if (strspn(version, "0123456789.") != strlen(version)
         || sscanf(version, "%2d.%4d.%4d%c", &major, &minor, &patch, &more) != 3 || major != 3)
         fail(root, "scene version \"%.80s\" is not supported (3.0.0, or another 3.x.y)", version);
-    read_fields(root, &(Field){0}, "<default>, <integrator>, <sensor>, <bsdf>, <shape>, <emitter>", NULL, &said);
+    read_fields(root, &(Field){0}, "<default>, <integrator>, <sensor>, <bsdf>, <texture>, <shape>, <emitter>", NULL, &said);
     if (!only_child(root, "integrator"))
         fail(root, "<scene> needs an <integrator type=\"path\"> with its max_depth");
     if (!only_child(root, "sensor"))
@@ -351,10 +393,12 @@ static void read_scene(Builder *builder, Node *root)
         else if (strcmp(child->tag, "emitter") == 0)
             read_emitter(builder, child, -1);
     }
-    int used_materials = d->material_count;       /* the bsdfs that no shape uses are checked and left out */
+    int used_materials = d->material_count;       /* what no shape uses is checked and left out */
     for (Node *child = root->first; child; child = child->next)
         if (strcmp(child->tag, "bsdf") == 0)
             read_bsdf(builder, child);
+        else if (strcmp(child->tag, "texture") == 0)
+            read_texture(builder, child);
     d->material_count = used_materials;
 }
 

@@ -10,6 +10,39 @@ MaterialTraits material_traits(const Material *material)
     return (MaterialTraits){.odd = NULL};
 }
 
+TextureTraits texture_traits(const Texture *texture)
+{
+#define X(NAME, name, words) if (texture->kind == TEXTURE_##NAME) return name##_traits(&texture->as.name);
+    TEXTURES(X)
+#undef X
+    return (TextureTraits){.to_uv = NULL};
+}
+
+const Reflectance *material_reflectance(const Material *material, int i)
+{
+#define X(NAME, name, words) &name##_plugin,
+    static const Plugin *const plugins[] = {MATERIALS(X)};
+#undef X
+    for (const Field *field = plugins[material->kind]->fields; field->name; field++)
+        if (field->kind == AS_REFLECTANCE && i-- == 0)
+            return (const Reflectance *)(const void *)((const char *)&material->as + field->offset);
+    return NULL;
+}
+
+bool material_wants_uv(const Description *d, int index)
+{
+    if (index == MATERIAL_NONE)
+        return false;
+    const Material *material = &d->materials[index];
+    if (material->kind == MATERIAL_BLEND)
+        return material_wants_uv(d, material->as.blend.first) || material_wants_uv(d, material->as.blend.second);
+    bool textured = false;
+    const Reflectance *one;
+    for (int i = 0; (one = material_reflectance(material, i)); i++)
+        textured = textured || one->texture;
+    return textured || material_traits(material).anisotropic;
+}
+
 EmitterTraits emitter_traits(const Emitter *emitter)
 {
 #define X(NAME, name, words) if (emitter->kind == EMITTER_##NAME) return name##_traits(&emitter->as.name);
@@ -81,6 +114,7 @@ void description_free(Description *description)
     if (!description)
         return;
     free(description->materials);
+    free(description->textures);
     free(description->shapes);
     free(description->emitters);
     mesh_free(&description->mesh);

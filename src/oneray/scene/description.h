@@ -7,6 +7,7 @@
 #include "kinds/materials.h"
 #include "kinds/sensors.h"
 #include "kinds/shapes.h"
+#include "kinds/textures.h"
 #include "meshes/mesh.h"
 #include "trees/mesh_tree.h"
 
@@ -28,6 +29,14 @@ typedef struct {
         Blend blend;
     } as;
 } Material;
+
+typedef struct {
+    TextureKind kind;
+    int line;
+    union {
+        TEXTURES(X)
+    } as;
+} Texture;
 
 typedef struct {
     ShapeKind kind; /* never ALIGNED */
@@ -66,6 +75,8 @@ typedef struct {
     bool hide_emitters;
     Material *materials;
     int material_count;
+    Texture *textures; /* that materials name, from 1 on */
+    int texture_count;
     Shape *shapes;
     int shape_count;
     Mesh mesh;         /* the triangles of all meshes, one after the other */
@@ -92,6 +103,7 @@ void description_free(Description *description);
 
 /* NAME_… of a kind's file answers. */
 MaterialTraits material_traits(const Material *material); /* of no blend: of its parts */
+TextureTraits texture_traits(const Texture *texture);
 EmitterTraits emitter_traits(const Emitter *emitter);
 SensorTraits sensor_traits(const Sensor *sensor);
 Extent shape_extent(const Shape *shape);
@@ -100,6 +112,10 @@ Side shape_side(const Shape *shape, int k);
 /* How many sides a shape has; and one of that kind with planes of its own: as many, else 0, as for a mesh. */
 int shape_sides(const Shape *shape);
 int shape_planes(ShapeKind kind);
+/* The i-th reflectance that a material, no blend, may have a texture for; NULL: there are no more. */
+const Reflectance *material_reflectance(const Material *material, int i);
+/* Does it, or a part of it, look at the texture coordinates of its surface? */
+bool material_wants_uv(const Description *d, int material);
 bool emitter_has_power(const Emitter *emitter);
 /* The box around all shapes; 0 without any. */
 void scene_bounds(const Description *d, double low[3], double high[3]);

@@ -21,6 +21,7 @@
 #define RANGE 1e6                  /* of the brightest light over the dimmest */
 #define DEEPEST 256                /* vertices beyond which less than a millionth of the light may come */
 #define SMALLEST_PIXEL 1e-5        /* radians */
+#define MOST_REPEATS 1000          /* of a texture over (u, v) from 0 to 1 */
 #define WIDEST_IMAGE 4096
 
 typedef struct {
@@ -65,6 +66,12 @@ static bool odd_sensor(const Sensor *sensor, Reason reason)
     return pixel < SMALLEST_PIXEL && because(reason, "a pixel of %.1g radians", pixel);
 }
 
+/* Of the texture some is, where most is 1 and least is not: then it may be. */
+static bool nearly_one(const Reflectance *r, int c)
+{
+    return (r->most[c] > 0.999 && r->most[c] < 1) || (r->least[c] > 0.999 && r->least[c] < 1);
+}
+
 /* L14, L15, L19 Materials: boundaries that hardly refract, surfaces that hardly absorb, long paths. */
 static bool odd_material(const Description *d, Reason reason)
 {
@@ -75,11 +82,17 @@ static bool odd_material(const Description *d, Reason reason)
         if (traits.odd)
             return because(reason, "line %d: %s", m->line, traits.odd);
         for (int c = 0; c < 3 && traits.reflected; c++) {
-            double albedo = fmax(traits.reflected[c], traits.transmitted ? traits.transmitted[c] : 0);
-            if (albedo > 0.999 && albedo < 1)
+            double albedo = fmax(traits.reflected->most[c], traits.transmitted ? traits.transmitted->most[c] : 0);
+            if (nearly_one(traits.reflected, c) || (traits.transmitted && nearly_one(traits.transmitted, c)))
                 return because(reason, "line %d: a reflectance within 0.001 of 1", m->line);
             most = fmax(most, albedo);
         }
+    }
+    for (int i = 0; i < d->texture_count; i++) {
+        const double(*to_uv)[4] = texture_traits(&d->textures[i]).to_uv->m;
+        for (int k = 0; k < 8; k++)
+            if (fabs(to_uv[k / 4][k % 4]) > MOST_REPEATS)
+                return because(reason, "line %d: a texture that repeats more than %d times", d->textures[i].line, MOST_REPEATS);
     }
     return (d->max_depth < 0 || d->max_depth > DEEPEST) && pow(most, DEEPEST) > 1e-5
            && because(reason, "paths of more than %d vertices, reflectance %.4g", DEEPEST, most);

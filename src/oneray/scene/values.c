@@ -12,6 +12,7 @@
 
 #define LARGEST 1e300
 static const char SEPARATORS[] = " ,";            /* between numbers */
+#define INSTEAD_OF_COLOUR "<texture>, <ref>"      /* of a reflectance */
 
 /* The elements that may give a kind of property; and of how many numbers it is, each in the range. */
 static const struct {
@@ -19,7 +20,8 @@ static const struct {
     int numbers;
 } kinds[] = {
     [AS_FLOAT] = {"<float> or <integer>", 1}, [AS_IOR] = {"<float>, <integer> or <string>", 1},
-    [AS_COLOUR] = {"<rgb>, <float> or <integer>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
+    [AS_COLOUR] = {"<rgb>, <float> or <integer>", 3},
+    [AS_REFLECTANCE] = {"<rgb>, <float>, <integer>, <texture> or <ref>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
     [AS_INTEGER] = {"<integer>", 0}, [AS_BOOLEAN] = {"<boolean>", 0}, [AS_STRING] = {"<string>", 0},
     [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0}};
 
@@ -298,6 +300,10 @@ static void read_value(const Node *node, const Field *field, const char *text, v
     case AS_FLOAT: *(double *)to = parse_real(node, text); break;
     case AS_IOR: *(double *)to = parse_ior(node, text); break;
     case AS_COLOUR: parse_colour(node, text, to); break;
+    case AS_REFLECTANCE:
+        parse_colour(node, text, ((Reflectance *)to)->most);
+        memcpy(((Reflectance *)to)->least, ((Reflectance *)to)->most, sizeof((Reflectance *)to)->least);
+        break;
     case AS_VECTOR: parse_xyz(node, text, true, to); break;
     case AS_INTEGER: *(int *)to = parse_integer(node, text); break;
     case AS_BOOLEAN: *(bool *)to = parse_boolean(node, text); break;
@@ -338,13 +344,18 @@ static const char *taken(const Field *fields, const char *objects)
 static const Field *find_field(const Node *child, const Field *fields, const char *objects)
 {
     bool is_property = false;
-    for (int i = 0; i < COUNT(kinds); i++)
-        is_property = is_property || gives(child, (FieldKind)i);
-    if (!is_property && is_among(child, objects))
+    if (is_among(child, objects))
         return NULL;
+    for (int i = 0; i < COUNT(kinds); i++)
+        is_property = is_property || (gives(child, (FieldKind)i) && !is_among(child, INSTEAD_OF_COLOUR));
+    for (const Field *field = fields; field->name; field++)
+        is_property = is_property || gives(child, field->kind);
     if (!is_property)
         fail(child, "<%s> is not supported in %s (%s)", child->tag, describe(child->parent), taken(fields, objects));
     const char *name = attribute(child, "name");
+    if (!name)
+        fail(child, "%s in %s lacks the attribute \"name\": which property it is (%s)", describe(child),
+            describe(child->parent), taken(fields, objects));
     for (const Field *field = fields; field->name; field++)
         if (strcmp(field->name, name) == 0)
             return field;
@@ -354,7 +365,7 @@ static const Field *find_field(const Node *child, const Field *fields, const cha
 void read_fields(const Node *node, const Field *fields, const char *objects, void *to, Said *said)
 {
     *said = (Said){.file = node->file, .line = node->line, .type = attribute(node, "type"), .fields = fields};
-    for (const Node *child = node->first; child; child = child->next) {
+    for (Node *child = node->first; child; child = child->next) {
         const Field *field = find_field(child, fields, objects);
         if (!field)
             continue;
@@ -364,10 +375,14 @@ void read_fields(const Node *node, const Field *fields, const char *objects, voi
         if (!gives(child, field->kind))
             fail(child, "\"%s\" must be given as %s, not as <%s>", field->name, kinds[field->kind].elements,
                  child->tag);
-        if (child->first && field->kind != AS_TRANSFORM)
+        bool instead = is_among(child, INSTEAD_OF_COLOUR);
+        if (child->first && field->kind != AS_TRANSFORM && !instead)
             fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);
         *place = (Place){child->file, child->line};
-        read_value(child, field, attribute(child, "value"), to);
+        if (instead)
+            ((Reflectance *)(void *)((char *)to + field->offset))->element = child;
+        else
+            read_value(child, field, attribute(child, "value"), to);
     }
     for (const Field *field = fields; field->name; field++)
         if (!said->place[field - fields].line)

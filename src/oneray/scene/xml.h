@@ -12,8 +12,8 @@ struct Node {
     int line;
     char *tag, **attributes;                      /* name, value, name, value, …, NULL */
     Node *parent, *first, *last, *next;           /* the first and last child, the next sibling */
-    enum { UNREAD, BEING_READ, READ } state;      /* of a bsdf, which many shapes may refer to */
-    int front, back;                              /* its materials by side, once it is read */
+    enum { UNREAD, BEING_READ, READ } state;      /* of a bsdf or texture, which many may refer to */
+    int front, back;                              /* once it is read: its materials by side; the texture's number */
 };
 
 typedef struct {

@@ -9,6 +9,7 @@ document    the one reader and writer of the XML: defaults, parameters, referenc
             names. All that looks into a scene file does so by it
 plugins     what an element says, by oneray's tables of properties (plugins.json): all of it is asked for, or
             an error
+materials   the one table of materials and textures, by which the reader, export, its schema and code go
 reader      shapes, materials, lights and camera in double precision
 export      all primitives as plain data, for a renderer without an XML parser: the schema is
             scene.schema.json

@@ -6,26 +6,40 @@ from typing import Any
 
 import numpy as np
 
+from raycheck.scene.materials import TEXTURED, all_fields
+
 Row = Mapping[str, Any]
 
 VECTOR, NUMBER, INTEGER, FLAG, THREE, NAME = "vector", "number", "integer", "flag", "three", "name"
+_SAID = {"colour": VECTOR, "three": THREE, "number": NUMBER, **dict.fromkeys(TEXTURED, VECTOR)}
+
+
+def _kind(said: Row) -> str:
+    """Of a field, by what the schema says of it."""
+    if "const" in said:
+        return NAME
+    return _SAID[said["type"] if "type" in said else said["$ref"].rpartition("/")[2]]
+
+
 _SURFACE = {"material": INTEGER, "radiance": VECTOR}
 TABLES: dict[str, tuple[str, dict[str, str]]] = {
     "Material": (
         "materials",
         {
-            "type": NAME, "two_sided": FLAG, "reflectance": VECTOR, "transmittance": VECTOR, "eta": VECTOR,
-            "k": VECTOR, "alpha": NUMBER,
-            "weight_of_second": NUMBER, "first": INTEGER, "second": INTEGER,
+            "type": NAME, "two_sided": FLAG, **{f: _kind(said) for f, said in all_fields().items()},
+            "first": INTEGER, "second": INTEGER,
         },
     ),
     "Parallelogram": (
-        "parallelograms", {"corner": VECTOR, "edge_u": VECTOR, "edge_v": VECTOR, "normal": VECTOR, **_SURFACE}
+        "parallelograms",
+        {
+            "corner": VECTOR, "edge_u": VECTOR, "edge_v": VECTOR, "normal": VECTOR, "uv": THREE, **_SURFACE,
+        },
     ),
     "Disk": (
         "disks", {"center": VECTOR, "axis_u": VECTOR, "axis_v": VECTOR, "normal": VECTOR, **_SURFACE}
     ),
-    "Sphere": ("spheres", {"center": VECTOR, "radius": NUMBER, "inward": FLAG, **_SURFACE}),
+    "Sphere": ("spheres", {"center": VECTOR, "radius": NUMBER, "inward": FLAG, "axes": THREE, **_SURFACE}),
     "Triangle": (
         "triangles",
         {"vertices": THREE, "normal": VECTOR, "smooth": FLAG, "vertex_normals": THREE, **_SURFACE},

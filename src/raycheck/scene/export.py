@@ -3,8 +3,11 @@
 The JSON has a schema, `scene.schema.json`. Rectangles, and the six faces of a cube, are parallelograms
 p = corner + s edge_u + t edge_v with 0 ≤ s, t ≤ 1; meshes are triangles. A primitive shines along `normal`
 only, and reflects there only unless its material is `two_sided`; a sphere's normal points outwards unless
-`inward`. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m². Camera
-rays meet what is between `near_clip` and `far_clip` deep along the view.
+`inward`. Where its material depends on (u, v), a parallelogram has them at its corner and the ends of its
+edges, linear in between, and a sphere its axes x, y, z: u is the angle around z from x in turns, v that from
++z in half turns. Of a disk u is the distance from the center in radii, v the angle from axis_u to axis_v in
+turns. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m². Camera rays
+meet what is between `near_clip` and `far_clip` deep along the view.
 """
 
 import json
@@ -17,7 +20,8 @@ from numpy.typing import NDArray
 
 from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
-from raycheck.scene.reader import Camera, Material, Scene, Shape, read_scene
+from raycheck.scene.materials import Material, told
+from raycheck.scene.reader import Camera, Scene, Shape, read_scene
 from raycheck.scene.variants import Variant
 
 SCHEMA = Path(__file__).with_name("scene.schema.json")
@@ -28,6 +32,16 @@ _FACES = [
     np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]), np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]]),
 ]  # fmt: skip
 """Of the cube −1…1: middle (also the normal), half an edge u, half an edge v."""
+
+
+_CUBE_UV = [
+    np.array(axes, dtype=float)
+    for axes in (
+        ((0, 1, 0), (1, 0, 0)), ((0, -1, 0), (1, 0, 0)), ((0, 1, 0), (0, 0, -1)), ((0, 1, 0), (0, 0, 1)),
+        ((-1, 0, 0), (0, 0, -1)), ((0, 0, 1), (1, 0, 0)),
+    )
+]  # fmt: skip
+"""Where u and v grow on these faces, Mitsuba's."""
 
 
 def export(of: Variant) -> dict[str, Any]:
@@ -46,7 +60,7 @@ def export(of: Variant) -> dict[str, Any]:
     data = {
         "scene": of.label, "max_depth": scene.max_depth, "roulette_depth": scene.roulette_depth,
         "hide_emitters": scene.hide_emitters, "camera": _camera(scene.camera),
-        "materials": [_material(one) for one in materials], "primitives": primitives,
+        "materials": [told(one) for one in materials], "primitives": primitives,
         "lights": _lights(scene), "sky": _numbers(scene.sky),
     }  # fmt: skip
     return {**data, "needs": needs(data)}
@@ -79,7 +93,8 @@ def needs(data: dict[str, Any]) -> list[str]:
 
 def _kinds(material: dict[str, Any]) -> set[str]:
     inner = set().union(*(_kinds(part) for part in material.get("parts", ())))
-    return inner | {material["type"]} | ({"two-sided"} if material["two_sided"] else set())
+    textures = {value for name, value in material.items() if name.endswith("texture")}
+    return inner | textures | {material["type"]} | ({"two-sided"} if material["two_sided"] else set())
 
 
 def _numbers(values: Array) -> list[Any]:
@@ -102,31 +117,6 @@ def _camera(camera: Camera) -> dict[str, Any]:
         "near_clip": camera.near_clip,
         "far_clip": camera.far_clip,
     }
-
-
-def _material(material: Material) -> dict[str, Any]:
-    data: dict[str, Any] = {"type": material.kind, "two_sided": material.two_sided}
-    if material.kind == "blendbsdf":
-        parts = [_material(part) for part in material.parts]
-        return {**data, "type": "blend", "weight_of_second": material.weight, "parts": parts}
-    if material.kind == "conductor" and bool((material.k < 0).all()):
-        return {**data, "type": "mirror", "reflectance": _numbers(material.reflectance)}
-    if material.kind == "conductor":
-        index = {"eta": _numbers(material.eta), "k": _numbers(material.k)}
-        return {**data, "reflectance": _numbers(material.reflectance), **index}
-    if material.kind == "roughconductor":
-        perfect = bool((material.k < 0).all())  # k 1 reflects all then, as η is 0
-        index = {"eta": _numbers(material.eta), "k": _numbers(np.ones(3) if perfect else material.k)}
-        rough = {"type": "rough conductor", "reflectance": _numbers(material.reflectance), **index}
-        return {**data, **rough, "alpha": material.alpha}
-    if material.kind == "dielectric":
-        colours = material.reflectance, material.transmittance
-        reflectance, transmittance = (_numbers(colour) for colour in colours)
-        eta = float(material.eta[0])
-        return {**data, "reflectance": reflectance, "transmittance": transmittance, "eta": eta}
-    if material.kind == "diffuse":
-        return {**data, "reflectance": _numbers(material.reflectance)}
-    raise ReferenceError_(f"a {material.kind} cannot be written as data")
 
 
 def _lights(scene: Scene) -> list[dict[str, Any]]:
@@ -154,7 +144,10 @@ def _primitives(shape: Shape) -> list[dict[str, Any]]:
     if shape.kind == "sphere":
         radius = float(np.linalg.norm(linear[:, 0]))
         return [
-            {"type": "sphere", "center": _numbers(place), "radius": radius, "inward": shape.flipped}
+            {
+                "type": "sphere", "center": _numbers(place), "radius": radius, "inward": shape.flipped,
+                **({"axes": _numbers(linear.T / radius)} if shape.material.wants_uv else {}),
+            }
         ]  # fmt: skip
     normals = np.asarray(np.linalg.inv(linear).T, dtype=np.float64)
     if shape.kind == "disk":
@@ -162,6 +155,7 @@ def _primitives(shape: Shape) -> list[dict[str, Any]]:
         return [{"type": "disk", **axes, "normal": _unit(sign * normals[:, 2])}]
     if shape.kind in ("rectangle", "cube"):
         faces = _FACES if shape.kind == "cube" else [_FACES[0] * [[0], [1], [1]]]
+        uv = _CUBE_UV if shape.kind == "cube" else [np.eye(3)]
         return [
             {
                 "type": "parallelogram",
@@ -169,10 +163,17 @@ def _primitives(shape: Shape) -> list[dict[str, Any]]:
                 "edge_u": _numbers(2 * linear @ u),
                 "edge_v": _numbers(2 * linear @ v),
                 "normal": _unit(sign * normals @ np.cross(u, v)),
+                **({"uv": _corners_uv(u, v, middle, along)} if shape.material.wants_uv else {}),
             }
-            for middle, u, v in faces
+            for (middle, u, v), along in zip(faces, uv, strict=True)
         ]
     return _triangles(shape, sign)
+
+
+def _corners_uv(u: Array, v: Array, middle: Array, along: Array) -> list[Any]:
+    """(u, v, 0) at the corner of a face of the unit shape and the ends of its edges: 0.5 in its middle."""
+    places = np.stack([-u - v, u - v, v - u]) + middle
+    return _numbers(np.hstack([places @ along[:2].T / 2 + 0.5, np.zeros((3, 1))]))
 
 
 def _unit(vector: Array) -> list[float]:

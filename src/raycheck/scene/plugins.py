@@ -22,6 +22,9 @@ from raycheck.scene.document import Element, place
 TABLES = Path(__file__).with_name("plugins.json")
 
 LARGEST = 1e300
+_TRIPLES = ("colour", "reflectance", "vector")
+INSTEAD = ("texture", "ref")
+"""Elements that may stand for a colour."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -105,10 +108,14 @@ class Said:
 
     def _add(self, child: Element) -> None:
         elements = _tables()["elements"]
-        name = child.get("name", "")
+        name = child.get("name")
         listed = ", ".join(self._fields) or "none"
-        if not any(child.tag in tags for tags in elements.values()):
+        known = {tag for tags in elements.values() for tag in tags}.difference(INSTEAD)
+        if child.tag not in known.union(*(elements[field["kind"]] for field in self._fields.values())):
             fail(child, f"<{child.tag}> is not supported in {described(self.element)} ({listed})")
+        if name is None:
+            where = f"{described(child)} in {described(self.element)}"
+            fail(child, f'{where} lacks the attribute "name": which property it is ({listed})')
         if name not in self._fields:
             fail(child, f'{described(self.element)} has no property "{name}" ({listed})')
         kind = self._fields[name]["kind"]
@@ -117,7 +124,7 @@ class Said:
         if child.tag not in elements[kind]:
             wanted = " or ".join(f"<{tag}>" for tag in elements[kind])
             fail(child, f'"{name}" must be given as {wanted}, not as <{child.tag}>')
-        if len(child) and kind != "transform":
+        if len(child) and kind != "transform" and child.tag not in INSTEAD:
             fail(child[0], f"<{child[0].tag}> cannot stand in <{child.tag}>")
         self._given[name] = child
 
@@ -151,7 +158,16 @@ class Said:
 
     def triple(self, name: str) -> Array:
         """(3,) colour, point or vector."""
-        return np.asarray(self._ask(name, "colour", "vector"), dtype=np.float64)
+        return np.asarray(self._ask(name, *_TRIPLES), dtype=np.float64)
+
+    def texture(self, name: str) -> Element | None:
+        """The <texture> or <ref> that stands for a colour, if one does."""
+        assert self._fields[name]["kind"] == "reflectance"
+        element = self.given(name)
+        if element is None or element.tag not in INSTEAD:
+            return None
+        self._asked.add(name)
+        return element
 
     def transform(self, name: str) -> Array:
         """(4, 4)"""
@@ -160,6 +176,8 @@ class Said:
     def _ask(self, name: str, *kinds: str) -> Any:
         assert self._fields[name]["kind"] in kinds
         self._asked.add(name)
+        if (element := self.given(name)) is not None and element.tag in INSTEAD:
+            fail(element, f'a texture for the "{name}" of {described(self.element)} is not supported by raycheck')
         return self._value(name)
 
     def _value(self, name: str) -> Any:
@@ -171,7 +189,7 @@ class Said:
         if kind == "transform":
             return np.eye(4) if element is None else transform(element)
         if element is None and not field["default"]:
-            return {"colour": np.zeros(3), "vector": np.zeros(3), "string": ""}.get(kind, 0)
+            return np.zeros(3) if kind in _TRIPLES else "" if kind == "string" else 0
         at = self.element if element is None else element
         if kind == "vector" and element is not None:
             return xyz(element)
@@ -201,7 +219,7 @@ def _parsed(at: Element, kind: str, text: str, field: dict[str, Any]) -> Any:
         if text not in mediums:
             fail(at, f'no medium is called "{text}" ({", ".join(mediums)})')
         return mediums[text]
-    if kind in ("colour", "vector"):
+    if kind in _TRIPLES:
         return _triple(at, "value", text, at.tag != "float")
     return _number(at, text.strip(" "))
 

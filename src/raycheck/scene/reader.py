@@ -4,12 +4,10 @@ meaning here (plugins.py).
 Defaults and parameters are put in first, so that every number is the one that a renderer parses too.
 """
 
-import functools
-import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,30 +15,8 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.scene import document
 from raycheck.scene.document import Element
+from raycheck.scene.materials import Material, Texture, read_material, read_texture
 from raycheck.scene.plugins import Said, check_attributes, children, described, fail, only, uniform_scale
-
-METALS = Path(__file__).with_name("metals.json")
-
-
-@dataclass(frozen=True)
-class Material:
-    """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
-
-    `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric is
-    its inner index over the outer one, and `transmittance` (3,) what of the refracted light goes on. `alpha`
-    is the roughness of a rough conductor. A blend has two `parts` and the `weight` of the second. A
-    `two_sided` one looks the same from behind, where others are black.
-    """
-
-    kind: str
-    reflectance: Array
-    eta: Array = field(default_factory=lambda: np.zeros(3))
-    k: Array = field(default_factory=lambda: np.full(3, -1.0))
-    weight: float = 0.0
-    parts: tuple["Material", ...] = ()
-    two_sided: bool = False
-    alpha: float = 0.0
-    transmittance: Array = field(default_factory=lambda: np.ones(3))
 
 
 @dataclass(frozen=True)
@@ -190,7 +166,7 @@ def _check_root(root: Element) -> None:
     if not re.fullmatch(r"3\.\d{1,4}\.\d{1,4}", root.attrib["version"]):
         fail(root, f'scene version "{root.attrib["version"]}" is not supported (3.0.0, or another 3.x.y)')
     names: set[str] = set()
-    for element in children(root, ("default", "integrator", "sensor", "bsdf", "shape", "emitter")):
+    for element in children(root, ("default", "integrator", "sensor", "bsdf", "texture", "shape", "emitter")):
         if element.tag != "default":
             continue
         children(element, ())
@@ -202,12 +178,12 @@ def _check_root(root: Element) -> None:
 
 
 class _Materials:
-    """The materials of a scene; one that several shapes refer to is one and the same."""
+    """The materials and textures of a scene; a material that several shapes refer to is one and the same."""
 
     def __init__(self, root: Element):
         self._by_id: dict[str, Element] = {}
         self._read: dict[Element, Material | None] = {}
-        self._others = root.findall("bsdf")
+        self._others = [*root.findall("bsdf"), *root.findall("texture")]
         for element in root.iter():
             name = element.get("id")
             if name is None or element.tag == "ref":
@@ -220,105 +196,38 @@ class _Materials:
 
     def of(self, element: Element) -> Material:
         """The material of a <bsdf>, or of the one that a <ref> means."""
-        bsdf = element
-        if element.tag == "ref":
-            children(element, ())
-            name = element.attrib["id"]
-            if name not in self._by_id:
-                fail(element, f'<ref id="{name}"/>: nothing has this id')
-            bsdf = self._by_id[name]
-            if bsdf.tag != "bsdf":
-                fail(element, f'<ref id="{name}"/>: that is a <{bsdf.tag}>, and no <bsdf>')
+        bsdf = self._meant(element, "bsdf")
         if bsdf not in self._read:
             self._read[bsdf] = None
-            self._read[bsdf] = self._material(bsdf)
+            self._read[bsdf] = read_material(bsdf, self.of, self.texture)
         found = self._read[bsdf]
         if found is None:
             fail(element, "the bsdf contains itself")
         return found
 
+    def texture(self, element: Element) -> Texture:
+        """That of a <texture>, or of the one that a <ref> means."""
+        return read_texture(self._meant(element, "texture"))
+
     def check_others(self) -> None:
         """Those that no shape uses."""
         for element in self._others:
-            self.of(element)
+            if element.tag == "bsdf":
+                self.of(element)
+            else:
+                self.texture(element)
 
-    def _material(self, element: Element) -> Material:
-        kind = element.attrib["type"]
-        holds = ("bsdf", "ref") if kind in ("blendbsdf", "twosided") else ()
-        with Said(element, holds) as said:
-            parts = [self.of(e) for e in element if e.tag in holds]
-            if kind == "twosided":
-                return _two_sided(element, parts)
-            if kind == "blendbsdf":
-                if len(parts) != 2 or said.given("weight") is None:
-                    fail(element, '<bsdf type="blendbsdf"> needs two bsdfs and the "weight" of the second')
-                return Material(kind, np.zeros(3), weight=said.number("weight"), parts=tuple(parts))
-            if kind == "diffuse":
-                return Material(kind, said.triple("reflectance"))
-            if kind == "dielectric":
-                return _dielectric(said)
-            tint, metal = said.triple("specular_reflectance"), _metal(said)
-            if kind == "conductor":
-                return Material(kind, tint, *metal)
-            if kind == "roughconductor":
-                return Material(kind, tint, *metal, alpha=_roughness(said))
-            fail(element, f"{described(element)} is not supported by raycheck")
-
-
-def _two_sided(element: Element, parts: list[Material]) -> Material:
-    if not 0 < len(parts) < 3:
-        fail(element, '<bsdf type="twosided"> needs a bsdf inside (one for both sides, or two)')
-    if any(_has_back(part) for part in parts):
-        held = "twosided, dielectric"
-        fail(element, f'<bsdf type="twosided"> cannot hold a bsdf that has a back side ({held})')
-    if len(parts) == 2 and parts[0] is not parts[1]:
-        fail(element, '<bsdf type="twosided"> with two bsdfs is not supported by raycheck: only with one')
-    return replace(parts[0], two_sided=True)
-
-
-def _has_back(material: Material) -> bool:
-    return material.two_sided or material.kind == "dielectric" or any(map(_has_back, material.parts))
-
-
-def _dielectric(said: Said) -> Material:
-    if said.given("int_ior") is None or said.given("ext_ior") is None:
-        fail(said.element, '<bsdf type="dielectric"> needs both int_ior and ext_ior (as <float>, or by name)')
-    ratio = np.full(3, said.number("int_ior") / said.number("ext_ior"))
-    colours = said.triple("specular_reflectance"), said.triple("specular_transmittance")
-    return Material("dielectric", colours[0], ratio, transmittance=colours[1])
-
-
-def _roughness(said: Said) -> float:
-    if said.given("distribution") is None:  # Mitsuba's default is beckmann
-        fail(said.element, f'{described(said.element)}: write <string name="distribution" value="ggx"/>')
-    along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
-    if along != across or (along and said.given("alpha") is not None):
-        fail(said.element, f"{described(said.element)}: write alpha, or both alpha_u and alpha_v")
-    if said.number("alpha_u") != said.number("alpha_v"):
-        fail(said.element, "a roughness that depends on the direction is not supported by raycheck")
-    return max(said.number("alpha_u" if along else "alpha"), 1e-4)
-
-
-@functools.cache
-def _metals() -> dict[str, dict[str, list[float]]]:
-    """Mitsuba's indices of refraction, by name (scripts/make_metals.py)."""
-    found: dict[str, dict[str, list[float]]] = json.loads(METALS.read_text(encoding="utf-8"))
-    return found
-
-
-def _metal(said: Said) -> tuple[Array, Array]:
-    """η and k (3,) of a conductor, by name or as they stand."""
-    index = [said.given(name) is not None for name in ("eta", "k")]
-    if index[0] != index[1] or (index[0] and said.given("material") is not None):
-        fail(said.element, f'{described(said.element)}: write "eta" and "k", or "material"')
-    if index[0]:
-        return said.triple("eta"), said.triple("k")
-    name = said.word("material") or "none"
-    if name == "none":
-        return np.zeros(3), np.full(3, -1.0)
-    if name not in _metals():
-        fail(said.element, f'{described(said.element)}: no metal is called "{name}"')
-    return np.array(_metals()[name]["eta"]), np.array(_metals()[name]["k"])
+    def _meant(self, element: Element, tag: str) -> Element:
+        """What a <ref> means, which must be of this tag; what is none means itself."""
+        if element.tag != "ref":
+            return element
+        children(element, ())
+        name = element.attrib["id"]
+        if name not in self._by_id:
+            fail(element, f'<ref id="{name}"/>: nothing has this id')
+        if self._by_id[name].tag != tag:
+            fail(element, f'<ref id="{name}"/>: that is a <{self._by_id[name].tag}>, and no <{tag}>')
+        return self._by_id[name]
 
 
 def _shape(element: Element, materials: _Materials, folder: Path) -> Shape | None:
@@ -338,6 +247,8 @@ def _shape(element: Element, materials: _Materials, folder: Path) -> Shape | Non
         material = materials.of(bsdf)
     else:  # a lamp is black then
         material = Material("diffuse", np.full(3, 0.5 if light is None else 0.0))
+    if mesh is not None and material.wants_uv:
+        fail(element, f"texture coordinates of {described(element)} are not supported by raycheck")
     radiance = np.zeros(3) if light is None else _area_light(light)
     if not to_world[:3, :3].any():
         return None

@@ -8,7 +8,7 @@ lamps             point lights, rectangles and balls over rectangles: Lambert's 
 lamp_grid         a thousand rectangles over a floor
 outdoors          sky, sun and spot
 mirrors           the method of images; metals by Fresnel
-rough             rough metals under a sky and a lamp: microfacets by quadrature
+rough             rough and brushed metals under a sky and a lamp: microfacets by quadrature
 glass             a pane of glass, a plate of mixed material
 furnace           a ball in a closed sphere
 solids            plates and balls: solid angles, shadows, edges and rims on the film

@@ -51,7 +51,7 @@ FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
     "point-light": point_light, "thousand-lights": lamp_grid, "sun-and-spot": sun_and_spot,
     "open-sky": open_sky, "inside-light": furnace, "furnace": furnace, "mirror-light": mirror_light,
     "mirror-corridor": mirror_corridor, "metal": metal, "glass-pane": glass_pane,
-    "mixed-material": mixed_material, "rough-metal": rough_metal,
+    "mixed-material": mixed_material, "rough-metal": rough_metal, "brushed-metal": rough_metal,
 }  # fmt: skip
 
 BORDERS = {"mirror-corridor": 64, "glass-pane": 64, "metal": 64, "sun-and-spot": 64}

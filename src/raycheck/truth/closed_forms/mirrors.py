@@ -6,7 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from raycheck.base.arrays import Array, Indices
-from raycheck.scene.reader import Material, Scene
+from raycheck.scene.materials import Material
+from raycheck.scene.reader import Scene
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import Plate, projected_solid_angle, seen, solid, visible_solid_angle
 

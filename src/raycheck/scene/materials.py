@@ -1,0 +1,353 @@
+"""The one table of materials and textures: how a scene file says each, and how it is told to others.
+
+By it the reader reads, `export` writes, its schema (`scripts/make_schema.py`) and `code` know the fields. A
+new kind of material is a function that reads it, one that tells it, and a row of MATERIALS; so with textures.
+What one says that its function does not ask for is an error (plugins.py).
+"""
+
+import functools
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raycheck.base.arrays import Array
+from raycheck.scene.document import Element
+from raycheck.scene.plugins import Said, described, fail
+
+METALS = Path(__file__).with_name("metals.json")
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Texture:
+    """`kind` is Mitsuba's type. A checkerboard has two `colours` (2, 3), by turns in fields half a unit wide
+    of the (u, v) that `to_uv` (4, 4) makes of the surface's.
+    """
+
+    kind: str
+    colours: Array
+    to_uv: Array
+
+
+@dataclass(frozen=True)
+class Material:
+    """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
+
+    `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric is
+    its inner index over the outer one, and `transmittance` (3,) what of the refracted light goes on. `alpha`
+    is the roughness of a rough conductor along dp/du and across. A blend has two `parts` and the `weight` of
+    the second. A `two_sided` one looks the same from behind, where others are black. A colour that is one of
+    the `textures`, by name, is NaN.
+    """
+
+    kind: str
+    reflectance: Array
+    eta: Array = field(default_factory=lambda: np.zeros(3))
+    k: Array = field(default_factory=lambda: np.full(3, -1.0))
+    weight: float = 0.0
+    parts: tuple["Material", ...] = ()
+    two_sided: bool = False
+    alpha: tuple[float, float] = (0.0, 0.0)
+    transmittance: Array = field(default_factory=lambda: np.ones(3))
+    textures: Mapping[str, Texture] = field(default_factory=dict)
+
+    @property
+    def is_mirror(self) -> bool:
+        """A conductor that reflects all."""
+        return bool((self.k < 0).all())
+
+    @property
+    def has_back(self) -> bool:
+        """It, or a part of it, is seen from behind."""
+        return self.two_sided or self.kind == "dielectric" or any(part.has_back for part in self.parts)
+
+    @property
+    def wants_uv(self) -> bool:
+        """It, or a part of it, depends on the texture coordinates of its surface."""
+        own = bool(self.textures) or self.alpha[0] != self.alpha[1]
+        return own or any(part.wants_uv for part in self.parts)
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a <bsdf> says, and the materials in it."""
+
+    said: Said
+    parts: list[Material]
+    texture: Callable[[Element], Texture]
+    """That of a <texture>, or of the one that a <ref> means."""
+
+    def colours(self, **properties: str) -> Row:
+        """Fields of a Material, by the properties that give them: colours or textures."""
+        elements = {name: self.said.texture(said) for name, said in properties.items()}
+        textures = {name: self.texture(one) for name, one in elements.items() if one is not None}
+        colours = {
+            name: np.full(3, np.nan) if name in textures else self.said.triple(said)
+            for name, said in properties.items()
+        }
+        return {**colours, "textures": textures}
+
+    def metal(self) -> tuple[Array, Array]:
+        """η and k (3,) of a conductor, by name or as they stand."""
+        said = self.said
+        index = [said.given(name) is not None for name in ("eta", "k")]
+        if index[0] != index[1] or (index[0] and said.given("material") is not None):
+            fail(said.element, f'{described(said.element)}: write "eta" and "k", or "material"')
+        if index[0]:
+            return said.triple("eta"), said.triple("k")
+        name = said.word("material") or "none"
+        if name == "none":
+            return np.zeros(3), np.full(3, -1.0)
+        if name not in _metals():
+            fail(said.element, f'{described(said.element)}: no metal is called "{name}"')
+        return np.array(_metals()[name]["eta"]), np.array(_metals()[name]["k"])
+
+
+@functools.cache
+def _metals() -> dict[str, dict[str, list[float]]]:
+    """Mitsuba's indices of refraction, by name (scripts/make_metals.py)."""
+    found: dict[str, dict[str, list[float]]] = json.loads(METALS.read_text(encoding="utf-8"))
+    return found
+
+
+# What the schema says of fields.
+COLOUR, THREE, NUMBER = {"$ref": "#/$defs/colour"}, {"$ref": "#/$defs/three"}, {"type": "number"}
+TEXTURED: dict[str, Row] = {name: {"$ref": f"#/$defs/{name}"} for name in ("reflectance", "transmittance")}
+"""Colours for which a texture may stand."""
+REFLECTANCE = {"reflectance": TEXTURED["reflectance"]}
+METAL: dict[str, Row] = {**REFLECTANCE, "eta": COLOUR, "k": COLOUR}
+
+
+def _roughness(what: str) -> Row:
+    meaning = f"Roughness of GGX microfacets with Smith's separable G{what}"
+    return {**NUMBER, "exclusiveMinimum": 0, "description": meaning}
+
+
+WEIGHT = {**NUMBER, "minimum": 0, "maximum": 1}
+PARTS = {"type": "array", "items": {"$ref": "#/$defs/material"}, "minItems": 2, "maxItems": 2}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of material."""
+
+    read: Callable[[Source], Material]
+    told: Callable[[Material], Row]
+    """As plain data, with its type."""
+    fields: Mapping[str, Mapping[str, Row]]
+    """What the schema says of the fields that this has, by type."""
+    holds: tuple[str, ...] = ()
+    """The elements that give its parts."""
+
+
+@dataclass(frozen=True)
+class TextureKind:
+    """A kind of texture."""
+
+    read: Callable[[Said], Texture]
+    told: Callable[[Texture], Row]
+    fields: Mapping[str, Row]
+
+
+def _checkerboard(said: Said) -> Texture:
+    colours = np.stack([said.triple("color0"), said.triple("color1")])
+    return Texture("checkerboard", colours, said.transform("to_uv"))
+
+
+def _told_checkerboard(one: Texture) -> Row:
+    rows = np.vstack([one.to_uv[:2, [0, 1, 3]], [0.0, 0, 1]])
+    return {"color0": one.colours[0].tolist(), "color1": one.colours[1].tolist(), "to_uv": rows.tolist()}
+
+
+TEXTURES: dict[str, TextureKind] = {
+    "checkerboard": TextureKind(
+        _checkerboard, _told_checkerboard,
+        {
+            "color0": {**COLOUR, "description": "Where u and v are in the same half of their unit"},
+            "color1": {**COLOUR, "description": "Elsewhere"},
+            "to_uv": {**THREE, "description": "Matrix that makes of (u, v, 1) the place on the board"},
+        },
+    ),
+}  # fmt: skip
+"""By Mitsuba's name."""
+
+
+def _diffuse(of: Source) -> Material:
+    return Material("diffuse", **of.colours(reflectance="reflectance"))
+
+
+def _conductor(of: Source) -> Material:
+    eta, k = of.metal()
+    return Material("conductor", **of.colours(reflectance="specular_reflectance"), eta=eta, k=k)
+
+
+def _told_metal(one: Material) -> Row:
+    return {**_told_colour(one, "reflectance"), "eta": one.eta.tolist(), "k": one.k.tolist()}
+
+
+def _told_conductor(one: Material) -> Row:
+    if one.is_mirror:
+        return {"type": "mirror", **_told_colour(one, "reflectance")}
+    return {"type": "conductor", **_told_metal(one)}
+
+
+def _roughconductor(of: Source) -> Material:
+    said, of_said = of.said, f"{described(of.said.element)}: write"
+    if said.given("distribution") is None:  # Mitsuba's default is beckmann
+        fail(said.element, f'{of_said} <string name="distribution" value="ggx"/>')
+    along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
+    if along != across or (along and said.given("alpha") is not None):
+        fail(said.element, f"{of_said} alpha, or both alpha_u and alpha_v")
+    names = ("alpha_u", "alpha_v") if along else ("alpha", "alpha")
+    u, v = (max(said.number(name), 1e-4) for name in names)
+    return replace(_conductor(of), kind="roughconductor", alpha=(u, v))
+
+
+def _told_roughconductor(one: Material) -> Row:
+    whole = replace(one, k=np.ones(3)) if one.is_mirror else one  # k 1 reflects all then, as η is 0
+    u, v = one.alpha
+    if u == v:
+        return {"type": "rough conductor", **_told_metal(whole), "alpha": u}
+    return {"type": "anisotropic conductor", **_told_metal(whole), "alpha_u": u, "alpha_v": v}
+
+
+def _dielectric(of: Source) -> Material:
+    said = of.said
+    if said.given("int_ior") is None or said.given("ext_ior") is None:
+        fail(said.element, f"{described(said.element)} needs both int_ior and ext_ior (as <float>, or by name)")
+    ratio = np.full(3, said.number("int_ior") / said.number("ext_ior"))
+    colours = of.colours(reflectance="specular_reflectance", transmittance="specular_transmittance")
+    return Material("dielectric", **colours, eta=ratio)
+
+
+def _told_dielectric(one: Material) -> Row:
+    colours = {**_told_colour(one, "reflectance"), **_told_colour(one, "transmittance")}
+    return {"type": "dielectric", **colours, "eta": float(one.eta[0])}
+
+
+def _blend(of: Source) -> Material:
+    said = of.said
+    if len(of.parts) != 2 or said.given("weight") is None:
+        fail(said.element, f'{described(said.element)} needs two bsdfs and the "weight" of the second')
+    return Material("blendbsdf", np.zeros(3), weight=said.number("weight"), parts=tuple(of.parts))
+
+
+def _told_blend(one: Material) -> Row:
+    return {"type": "blend", "weight_of_second": one.weight, "parts": [told(part) for part in one.parts]}
+
+
+def _twosided(of: Source) -> Material:
+    parts, which = of.parts, described(of.said.element)
+    if not 0 < len(parts) < 3:
+        fail(of.said.element, f"{which} needs a bsdf inside (one for both sides, or two)")
+    if any(part.has_back for part in parts):
+        fail(of.said.element, f"{which} cannot hold a bsdf that has a back side (twosided, dielectric)")
+    if len(parts) == 2 and parts[0] is not parts[1]:
+        fail(of.said.element, f"{which} with two bsdfs is not supported by raycheck: only with one")
+    return replace(parts[0], two_sided=True)
+
+
+MATERIALS: dict[str, Kind] = {
+    "diffuse": Kind(
+        _diffuse, lambda one: {"type": "diffuse", **_told_colour(one, "reflectance")},
+        {"diffuse": REFLECTANCE},
+    ),
+    "conductor": Kind(_conductor, _told_conductor, {"mirror": REFLECTANCE, "conductor": METAL}),
+    "roughconductor": Kind(
+        _roughconductor, _told_roughconductor,
+        {
+            "rough conductor": {**METAL, "alpha": _roughness("")},
+            "anisotropic conductor": {
+                **METAL, "alpha_u": _roughness(" where u grows"), "alpha_v": _roughness(" across that"),
+            },
+        },
+    ),
+    "dielectric": Kind(
+        _dielectric, _told_dielectric,
+        {"dielectric": {**TEXTURED, "eta": {**NUMBER, "description": "Index inside over index outside"}}},
+    ),
+    "blendbsdf": Kind(
+        _blend, _told_blend, {"blend": {"weight_of_second": WEIGHT, "parts": PARTS}}, ("bsdf", "ref")
+    ),
+    "twosided": Kind(_twosided, lambda one: told(one), {}, ("bsdf", "ref")),
+}  # fmt: skip
+"""By Mitsuba's name."""
+
+
+def read_material(
+    element: Element, inner: Callable[[Element], Material], texture: Callable[[Element], Texture]
+) -> Material:
+    """Of a <bsdf>; `inner` is that of one inside, `texture` that of a <texture> or <ref>."""
+    kind = MATERIALS.get(element.attrib["type"])
+    holds = kind.holds if kind else ()
+    with Said(element, holds) as said:
+        if kind is None:
+            fail(element, f"{described(element)} is not supported by raycheck")
+        return kind.read(Source(said, [inner(one) for one in element if one.tag in holds], texture))
+
+
+def read_texture(element: Element) -> Texture:
+    """Of a <texture>."""
+    kind = TEXTURES.get(element.attrib["type"])
+    with Said(element) as said:
+        if kind is None:
+            fail(element, f"{described(element)} is not supported by raycheck")
+        return kind.read(said)
+
+
+def told(one: Material) -> Row:
+    """As plain data, which the schema describes."""
+    row = MATERIALS[one.kind].told(one)
+    return {"type": row.pop("type"), "two_sided": one.two_sided, **row}
+
+
+def _told_colour(one: Material, name: str) -> Row:
+    """It, or the texture instead: `texture` and its fields, after `transmittance_` for that."""
+    texture = one.textures.get(name)
+    if texture is None:
+        return {name: getattr(one, name).tolist()}
+    row = {"texture": texture.kind, **TEXTURES[texture.kind].told(texture)}
+    return {_prefix(name) + key: said for key, said in row.items()}
+
+
+def _prefix(name: str) -> str:
+    return "" if name == "reflectance" else f"{name}_"
+
+
+def _instead(name: str) -> list[Row]:
+    """The fields of a texture in the place of a colour, by kind of texture."""
+    return [
+        {_prefix(name) + key: said for key, said in {"texture": {"const": kind}, **of.fields}.items()}
+        for kind, of in TEXTURES.items()
+    ]
+
+
+def schema() -> tuple[dict[str, list[Row]], list[Row]]:
+    """What a colour or texture as plain data may be, one of these, by name; and what a material may be."""
+    textured = {
+        name: [{"required": [*fields], "properties": fields} for fields in ({name: COLOUR}, *_instead(name))]
+        for name in TEXTURED
+    }
+    kinds = [_of_schema(name, fields) for kind in MATERIALS.values() for name, fields in kind.fields.items()]
+    return textured, kinds
+
+
+def _of_schema(name: str, fields: Mapping[str, Row]) -> Row:
+    own = {field: said for field, said in fields.items() if field not in TEXTURED}
+    row: Row = {"required": [*own], "properties": {"type": {"const": name}, **own}}
+    others = [said for field, said in fields.items() if field in TEXTURED]
+    return row | ({"allOf": others} if others else {})
+
+
+def all_fields() -> dict[str, Row]:
+    """What the schema says of the fields that materials may have, in their order, without a blend's parts."""
+    kinds = [fields for kind in MATERIALS.values() for fields in kind.fields.values()]
+    found: dict[str, Row] = {}
+    for fields in (*kinds, *(fields for name in TEXTURED for fields in _instead(name))):
+        for name, said in fields.items():
+            found.setdefault(name, said)
+    return {name: said for name, said in found.items() if said is not PARTS}
