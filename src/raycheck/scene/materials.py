@@ -196,12 +196,12 @@ def _told_conductor(one: Material) -> Row:
 
 
 def _roughconductor(of: Source) -> Material:
-    said, of_said = of.said, f"{described(of.said.element)}: write"
+    said, write = of.said, f"{described(of.said.element)}: write"
     if said.given("distribution") is None:  # Mitsuba's default is beckmann
-        fail(said.element, f'{of_said} <string name="distribution" value="ggx"/>')
+        fail(said.element, f'{write} <string name="distribution" value="ggx"/>')
     along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
     if along != across or (along and said.given("alpha") is not None):
-        fail(said.element, f"{of_said} alpha, or both alpha_u and alpha_v")
+        fail(said.element, f"{write} alpha, or both alpha_u and alpha_v")
     names = ("alpha_u", "alpha_v") if along else ("alpha", "alpha")
     u, v = (max(said.number(name), 1e-4) for name in names)
     return replace(_conductor(of), kind="roughconductor", alpha=(u, v))
@@ -218,7 +218,8 @@ def _told_roughconductor(one: Material) -> Row:
 def _dielectric(of: Source) -> Material:
     said = of.said
     if said.given("int_ior") is None or said.given("ext_ior") is None:
-        fail(said.element, f"{described(said.element)} needs both int_ior and ext_ior (as <float>, or by name)")
+        which = described(said.element)
+        fail(said.element, f"{which} needs both int_ior and ext_ior (as <float>, or by name)")
     ratio = np.full(3, said.number("int_ior") / said.number("ext_ior"))
     colours = of.colours(reflectance="specular_reflectance", transmittance="specular_transmittance")
     return Material("dielectric", **colours, eta=ratio)

@@ -177,7 +177,8 @@ class Said:
         assert self._fields[name]["kind"] in kinds
         self._asked.add(name)
         if (element := self.given(name)) is not None and element.tag in INSTEAD:
-            fail(element, f'a texture for the "{name}" of {described(self.element)} is not supported by raycheck')
+            where = f'"{name}" of {described(self.element)}'
+            fail(element, f"a texture for the {where} is not supported by raycheck")
         return self._value(name)
 
     def _value(self, name: str) -> Any:
