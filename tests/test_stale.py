@@ -42,7 +42,7 @@ def test_every_committed_result_is_known() -> None:
     files = {
         path.relative_to(data.references_dir()).as_posix() for path in data.references_dir().rglob("*.json")
     }
-    own = {"manifest.json", "harness_mutants.json", "size.json"}
+    own = {"manifest.json", "harness_mutants.json", "size.json", "precisions.json"}
     assert files - own == {one.file for one in stale.RESULTS}
     sections = {one.at for one in stale.RESULTS if one.file == "calibration.json"}
     assert sections == json.loads((data.references_dir() / "calibration.json").read_text()).keys()

@@ -1,7 +1,6 @@
 """raycheck verify: judge a renderer, and show the table of verdicts."""
 
 import typer
-from rich.markup import escape
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
@@ -42,8 +41,8 @@ def verify(
     for name in technique or ():
         techniques.technique(name)
     from raycheck.commands.work import verify as work
-    from raycheck.judging.junit import junit_xml
     from raycheck.judging.cases import Verification
+    from raycheck.judging.junit import junit_xml
     from raycheck.judging.verify import verify as run_verification
     from raycheck.stats.verdict import Limits
 

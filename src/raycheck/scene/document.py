@@ -13,7 +13,6 @@ import xml.parsers.expat as expat
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from xml.parsers import expat
 
 from raycheck.base.errors import ReferenceError_
 

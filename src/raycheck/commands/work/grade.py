@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.base.files import made_folder
 from raycheck.base.errors import NotFound
+from raycheck.base.files import made_folder
 from raycheck.commands.support import COLOURS, Columns, Output
 from raycheck.grading import course
 from raycheck.grading.assignment import Assignment, read_assignment
