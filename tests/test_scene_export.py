@@ -25,22 +25,60 @@ from tracer import Tracer
 
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.images import Image, load_image
-from raycheck.scene import code, export, variants
+from raycheck.scene import code, export, materials, plugins, variants
 from raycheck.scene.reader import read_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = [
     *sorted((ROOT / "scenes").glob("*.xml")),
     *sorted((ROOT / "scenes/stiff").glob("*.xml")),
-    *sorted((ROOT / "tests/odd").glob("*.xml")),
+    *(path for path in sorted((ROOT / "tests/odd").glob("*.xml")) if path.stem != "textures"),
     ROOT / "tests/everything.xml",
 ]
+"""All but one that has a texture on a mesh; without that it is among those below."""
 SCHEMA = jsonschema.Draft202012Validator(json.loads(export.SCHEMA.read_text(encoding="utf-8")))
 
 
 @pytest.mark.parametrize("of", variants.ladder(), ids=lambda of: of.label)
 def test_every_scene_fits_the_schema(of: variants.Variant) -> None:
     SCHEMA.validate(json.loads(export.to_json(export.export(of))))
+
+
+def test_the_schema_is_that_of_the_table_of_materials(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, ROOT / "scripts/make_schema.py", tmp_path / "schema"], check=True)
+    assert (tmp_path / "schema").read_text(encoding="utf-8") == export.SCHEMA.read_text(encoding="utf-8")
+
+
+def test_the_table_has_all_kinds_that_oneray_has() -> None:
+    known = {"bsdf": materials.MATERIALS, "texture": materials.TEXTURES}
+    for tag, table in known.items():
+        plugins_of = [one for one in plugins._tables()["plugins"] if one["element"] == tag]
+        assert sorted(table) == sorted(name for one in plugins_of for name in one["types"])
+
+
+def test_coordinates_of_textures_are_those_of_the_picture() -> None:
+    """The numbers of shapes give the colours that Mitsuba sees along rays from the eye."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    data = export.export(variants.variant("textured-room"))
+    scene = mi.load_file(str(ROOT / "scenes/textured-room.xml"))
+    tracer, seen = Tracer(data, seed=1), set()
+    o, d, _ = tracer._camera(np.random.default_rng(1).random((400, 2)))
+    which, t = tracer.shapes.meet(o, d, np.full(len(o), -1))
+    met = which >= 0
+    o, d, which, t = o[met], d[met], which[met], t[met]
+    uv, _ = tracer.shapes.coordinates(which, o + t[:, None] * d)
+    for k in range(len(which)):
+        index = tracer.shapes.material[which[k]]
+        material = data["materials"][index]
+        place = (np.array(material["to_uv"]) @ [*uv[k], 1])[:2]
+        if material["type"] == "diffuse" and (np.abs(place * 2 - np.round(place * 2)) > 1e-2).all():
+            u, v = place % 1 > 0.5
+            si = scene.ray_intersect(mi.Ray3f(o[k], d[k]))
+            found = np.array(si.bsdf().eval_diffuse_reflectance(si))
+            np.testing.assert_allclose(found, material["color1" if u != v else "color0"], atol=1e-5)
+            seen.add((index, u != v))
+    assert len(seen) == 10  # both colours of floor, wall, screen, cube and ball
 
 
 def test_rays_between_the_corners_are_the_camera_s() -> None:
@@ -272,6 +310,39 @@ RENDERED = {
 }  # fmt: skip
 """Scenes that say something that no file above says."""
 
+BOARD = (
+    '<texture type="checkerboard" {}><rgb name="color0" value="0.9, 0.8, 0.1"/>'
+    '<rgb name="color1" value="0.05, 0.1, 0.6"/><transform name="to_uv"><scale x="0.5"/>'
+    '<translate x="-4" y="7"/></transform></texture>'
+)
+BRUSHED = (
+    '<bsdf type="twosided"><bsdf type="roughconductor"><string name="distribution" value="ggx"/>'
+    '<float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.8"/></bsdf></bsdf>'
+)
+
+
+def with_pane(kind: str, bsdf: str) -> str:
+    """One that fills the picture, in the sun."""
+    placed = '<transform name="to_world"><scale value="1.7"/><translate z="0.5"/></transform>'
+    shape = f'<shape type="{kind}">{placed}{bsdf}</shape>'
+    sun = '<emitter type="directional"><vector name="direction" x="-0.3" y="-1" z="-1"/></emitter>'
+    return BASE.replace("<!-- here -->", sun + shape)
+
+
+MESH = re.compile(r'    <shape type="ply">.*?</shape>\n', re.S)
+RENDERED |= {
+    "textures-but-on-no-mesh": MESH.sub("", (ROOT / "tests/odd/textures.xml").read_text(encoding="utf-8")),
+    "textured-pane": with_pane(
+        "rectangle", f'<bsdf type="diffuse">{BOARD}</bsdf>'.format('name="reflectance"')
+    ),
+    "textured-glass": with_panes(
+        '<bsdf type="dielectric"><float name="int_ior" value="2"/><float name="ext_ior" value="1"/>'
+        '<ref name="specular_transmittance" id="board"/><ref name="specular_reflectance" id="board"/></bsdf>'
+    ).replace("<shape", BOARD.format('id="board"') + "<shape", 1),
+    **{f"brushed-{kind}": with_pane(kind, BRUSHED) for kind in ("rectangle", "disk", "sphere", "cube")},
+}  # fmt: skip
+"""With coordinates on the surface."""
+
 
 @pytest.mark.parametrize("name", RENDERED)
 def test_so_is_whatever_else_a_scene_may_say(oneray: Path, name: str, tmp_path: Path) -> None:
@@ -312,6 +383,28 @@ def _opaque(data: dict[str, Any]) -> None:
             material["transmittance"] = [0.9] * 3
 
 
+def _coordinates_exchanged(data: dict[str, Any]) -> None:
+    for one in data["primitives"]:
+        if "uv" in one:
+            one["uv"] = [[v, u, 0] for u, v, _ in one["uv"]]
+        if "axes" in one:
+            one["axes"] = one["axes"][::-1]
+
+
+def _colours_exchanged(data: dict[str, Any]) -> None:
+    for material in data["materials"]:
+        for prefix in ("", "transmittance_"):
+            if f"{prefix}texture" in material:
+                first, second = material[f"{prefix}color0"], material[f"{prefix}color1"]
+                material.update({f"{prefix}color0": second, f"{prefix}color1": first})
+
+
+def _brushed_across(data: dict[str, Any]) -> None:
+    for material in data["materials"]:
+        if "alpha_u" in material:
+            material.update(alpha_u=material["alpha_v"], alpha_v=material["alpha_u"])
+
+
 @pytest.mark.parametrize(
     ("scene", "wrong"),
     [
@@ -319,6 +412,11 @@ def _opaque(data: dict[str, Any]) -> None:
         ("cornell-box", _direct_light_alone), ("glass-ball", _opaque), ("metal", _grey),
         ("rough-metal", _grey),
         ("sphere-light-near", _without_lamp), ("two-sided-by-reference", _one_sided),
+        ("textured-pane", _coordinates_exchanged), ("textured-pane", _colours_exchanged),
+        ("textured-glass", _colours_exchanged), ("brushed-metal", _brushed_across),
+        ("brushed-rectangle", _coordinates_exchanged), ("brushed-rectangle", _brushed_across),
+        ("brushed-sphere", _coordinates_exchanged), ("brushed-sphere", _brushed_across),
+        ("brushed-disk", _brushed_across), ("brushed-cube", _brushed_across),
     ],
 )  # fmt: skip
 def test_a_wrong_export_is_noticed(
@@ -359,7 +457,12 @@ SENSOR = '<float name="fov" value="40"/>'
         (with_ball('<bsdf type="diffuse"><spectrum name="reflectance" value="400:.1,700:.9"/></bsdf>'), 19,
          "<spectrum> is not supported"),
         (with_ball('<bsdf type="diffuse"><texture name="reflectance" type="bitmap"/></bsdf>'), 19,
-         "<texture> is not supported"),
+         '<texture type="bitmap"> is not supported (checkerboard)'),
+        (with_ball('<bsdf type="diffuse"><texture name="reflectance" type="checkerboard">'
+         '<float name="offset" value="1"/></texture></bsdf>'), 19, 'no property "offset"'),
+        (with_ball(f'<bsdf type="diffuse">{BOARD}</bsdf>'.format('name="reflectance"'))
+         .replace('<shape type="sphere"><bsdf', f'<shape type="ply">{LUMP}<bsdf'), 19,
+         'texture coordinates of <shape type="ply"> are not supported by raycheck'),
         (BASE.replace('<emitter type="constant">', '<emitter type="envmap">'), 14, "envmap"),
         (BASE.replace("sphere", "cylinder"), 15, "cylinder"),
         (BASE.replace("perspective", "thinlens"), 3, "thinlens"),
@@ -431,8 +534,6 @@ def test_the_command_says_so_in_one_line(tmp_path: Path) -> None:
 
 def test_a_property_that_the_reader_does_not_ask_for_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that oneray learns, say."""
-    from raycheck.scene import plugins
-
     tables = copy.deepcopy(plugins._tables())
     [diffuse] = [one for one in tables["plugins"] if one["types"] == ["diffuse"]]
     new = {"name": "gloss", "kind": "float", "range": None, "default": "0", "one_value": False}
@@ -441,8 +542,10 @@ def test_a_property_that_the_reader_does_not_ask_for_is_refused(monkeypatch: pyt
     element = plugins.Element("bsdf", {"type": "diffuse"})
     element.append(plugins.Element("float", {"name": "gloss", "value": "1"}))
     message = '"gloss" of <bsdf type="diffuse"> is not supported by raycheck'
-    with pytest.raises(ReferenceError_, match=message), plugins.Said(element) as said:
-        said.triple("reflectance")
+    with pytest.raises(ReferenceError_, match=message):
+        materials.read_material(element, pytest.fail, pytest.fail)
+    element[0].set("name", "reflectance")
+    assert materials.read_material(element, pytest.fail, pytest.fail).reflectance == pytest.approx(1)
 
 
 def test_raycheck_reads_by_oneray_s_own_tables(tmp_path: Path) -> None:
@@ -457,7 +560,8 @@ def test_raycheck_reads_by_oneray_s_own_tables(tmp_path: Path) -> None:
 # ---- the same as code, and as text
 
 SPOKEN = [ROOT / "tests/everything.xml", ROOT / "scenes/mixed-material.xml", ROOT / "scenes/smooth-mesh.xml",
-          ROOT / "scenes/rough-metal.xml", ROOT / "scenes/mesh-light.xml"]  # fmt: skip
+          ROOT / "scenes/rough-metal.xml", ROOT / "scenes/mesh-light.xml", ROOT / "scenes/textured-room.xml",
+          ROOT / "scenes/brushed-metal.xml"]  # fmt: skip
 ARRAYS = {"parallelogram": "parallelograms", "disk": "disks", "sphere": "spheres", "triangle": "triangles",
           "point light": "point_lights", "sun": "suns", "spot light": "spot_lights"}  # fmt: skip
 
@@ -565,10 +669,13 @@ def test_the_text_says_what_the_json_says(path: Path) -> None:
     rows += [(one["type"], one) for one in (*data["primitives"], *data["lights"])]
     for line, (head, row) in zip(lines[-len(rows) :], rows, strict=True):
         assert line.startswith(f"{head}: ")
-        spoken = re.findall(r"([a-z][a-z ]*?) (true\b|[-+\d.e; ]+)", line.partition(f"{head}: ")[2])
+        spoken = re.findall(r"([a-z][a-z\d ]*?) (true\b|checkerboard\b|[-+\d.e; ]+)", line.partition(f"{head}: ")[2])
         expected = said_of(row)
         assert [name for name, _ in spoken] == [name for name, _ in expected], line
         for (_, words), (_, numbers) in zip(spoken, expected, strict=True):
+            if numbers == ["checkerboard"]:
+                assert words == "checkerboard"
+                continue
             found = [float(word) for word in re.findall(r"[-+\d.e]+", words.replace("true", ""))]
             assert found == pytest.approx(numbers, rel=1e-8, abs=1e-300)
     camera = data["camera"]

@@ -53,7 +53,9 @@ class Primitives:
         size = np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
         self.plane = across / size
         self.dual_s, self.dual_t = np.cross(self.v, self.plane) / size, np.cross(self.plane, self.u) / size
+        self.uv = np.array([p.get("uv", np.zeros((3, 3))) for p in flat]).reshape(-1, 3, 3)[..., :2]
         self.center = np.array([p["center"] for p in balls]).reshape(-1, 3)
+        self.axes = np.array([p.get("axes", np.eye(3)) for p in balls]).reshape(-1, 3, 3)
         self.radius = np.array([p["radius"] for p in balls])
         self.inward = np.array([p["inward"] for p in balls], dtype=bool)
         self.radiance = np.array([p["radiance"] for p in self.all]).reshape(-1, 3)
@@ -131,6 +133,29 @@ class Primitives:
         )
         return true, shading
 
+    def coordinates(self, which: Array, p: Array) -> tuple[Array, Array]:
+        """(u, v) (N, 2), which mean nothing on a triangle, and unit vectors (N, 3) where u grows."""
+        uv, along = np.empty((len(p), 2)), np.empty_like(p)
+        flat = which < self.flats
+        i, q = which[flat], p[flat]
+        s, t = (_dot(q - self.o[i], dual[i])[:, None] for dual in (self.dual_s, self.dual_t))
+        corner, ends = self.uv[i, :1], self.uv[i, 1:]
+        found = corner[:, 0] + s * (ends - corner)[:, 0] + t * (ends - corner)[:, 1]
+        to_u = np.linalg.pinv(ends - corner)[:, 0]  # how fast s and t grow with u
+        r = np.hypot(s, t)
+        disk = (self.kind[i] == "disk")[:, None]
+        uv[flat] = np.where(disk, np.hstack([r, np.arctan2(t, s) / (2 * np.pi) % 1]), found)
+        with np.errstate(invalid="ignore"):  # of a disk's center, and of what has no coordinates
+            s, t = np.where(disk, s / r, to_u[:, :1]), np.where(disk, t / r, to_u[:, 1:])
+            along[flat] = _unit(s * self.u[i] + t * self.v[i])
+        i, q = which[~flat] - self.flats, p[~flat]
+        x, y, z = np.einsum("iab,ib->ai", self.axes[i], _unit(q - self.center[i]))
+        angle = np.arctan2(y, x)
+        uv[~flat] = np.stack([angle / (2 * np.pi) % 1, np.arccos(np.clip(z, -1, 1)) / np.pi], axis=-1)
+        cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        along[~flat] = cosine * self.axes[i, 1] - sine * self.axes[i, 0]
+        return uv, along
+
     def areas(self) -> Array:
         size = np.linalg.norm(np.cross(self.u, self.v), axis=1)
         factor = np.where(self.kind == "disk", np.pi, np.where(self.kind == "triangle", 0.5, 1.0))
@@ -188,10 +213,33 @@ def fresnel_glass(cosine: Array, ratio: Array) -> tuple[Array, Array]:
     return np.where(np.isnan(beyond), 1.0, (across**2 + along**2) / 2), beyond
 
 
-def _shadowing(cosine: Array, alpha: Array) -> Array:
-    """Smith's G1 of GGX."""
-    tan2 = (1 - cosine**2) / cosine**2
-    return 2 / (1 + np.sqrt(1 + alpha**2 * tan2))
+class Ggx:
+    """Microfacets with two roughnesses, along and across: unit vectors (N, 3) of the surface, and its n."""
+
+    def __init__(self, alphas: tuple[float, float], frame: tuple[Array, Array, Array]):
+        self.alphas, self.frame = np.array(alphas), frame
+
+    def _local(self, w: Array) -> tuple[Array, Array]:
+        """(N, 2) along and across, and (N,) along n, not less than nearly 0."""
+        u, v, n = self.frame
+        return np.stack([_dot(w, u), _dot(w, v)], axis=-1), np.maximum(_dot(w, n), 1e-12)
+
+    def density(self, h: Array) -> Array:
+        """D of half vectors (N, 3)."""
+        xy, z = self._local(h)
+        return 1 / (np.pi * np.prod(self.alphas) * (_dot(xy, xy / self.alphas**2) + z**2) ** 2)
+
+    def shadowing(self, w: Array) -> Array:
+        """Smith's G1."""
+        xy, z = self._local(w)
+        return 2 / (1 + np.sqrt(1 + _dot(xy, xy * self.alphas**2) / z**2))
+
+    def sample(self, x: Array, y: Array) -> Array:
+        """Half vectors (N, 3) by D cosθ, from two uniform numbers each."""
+        slope, angle = np.sqrt(x / (1 - x)), 2 * np.pi * y
+        u, v, n = self.frame
+        s, t = self.alphas[:, None] * slope * np.stack([np.cos(angle), np.sin(angle)])
+        return _unit(s[:, None] * u + t[:, None] * v + n)
 
 
 class Tracer:
@@ -284,8 +332,20 @@ class Tracer:
             light[on], wi[on], factor[on], delta[on] = method(material, which[on], p[on], wo[on], n[on])
         return light, wi, factor, delta
 
+    def _colour(self, m: Any, name: str, which: Array, p: Array) -> Array:
+        """(3,), or of a texture (N, 3) at p."""
+        prefix = "" if name == "reflectance" else f"{name}_"
+        if prefix + "texture" not in m:
+            return np.array(m[name])
+        assert m[prefix + "texture"] == "checkerboard"
+        uv, _ = self.shapes.coordinates(which, p)
+        place = np.hstack([uv, np.ones((len(p), 1))]) @ np.array(m[prefix + "to_uv"]).T
+        second = place[:, :2] % 1 > 0.5
+        differ = (second[:, 0] != second[:, 1])[:, None]
+        return np.where(differ, m[prefix + "color1"], m[prefix + "color0"])
+
     def _diffuse(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
-        f = np.broadcast_to(np.array(m["reflectance"]) / np.pi, p.shape)
+        f = np.broadcast_to(self._colour(m, "reflectance", which, p) / np.pi, p.shape)
         light = self._points(which, p, n, lambda wi: f)
         if len(self.lamps):
             light = light + f * self._lamp(which, p, n)
@@ -297,7 +357,7 @@ class Tracer:
 
     def _mirror(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         wi = 2 * _dot(wo, n)[:, None] * n - wo
-        return 0.0, wi, np.broadcast_to(m["reflectance"], p.shape), True
+        return 0.0, wi, np.broadcast_to(self._colour(m, "reflectance", which, p), p.shape), True
 
     def _conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         light, wi, factor, delta = self._mirror(m, which, p, wo, n)
@@ -312,32 +372,35 @@ class Tracer:
         reflects = self.rng.random(len(p)) < share
         through = (cosine / ratio - np.nan_to_num(beyond))[:, None] * n - wo / ratio[:, None]
         wi = np.where(reflects[:, None], 2 * cosine[:, None] * n - wo, through)
-        refracted = np.array(m["transmittance"]) / ratio[:, None] ** 2
-        return 0.0, _unit(wi), np.where(reflects[:, None], np.array(m["reflectance"]), refracted), True
+        refracted = self._colour(m, "transmittance", which, p) / ratio[:, None] ** 2
+        reflected = self._colour(m, "reflectance", which, p)
+        return 0.0, _unit(wi), np.where(reflects[:, None], reflected, refracted), True
 
     def _rough_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
-        alpha, tint = m["alpha"], np.array(m["reflectance"])
+        return self._microfacets(m, Ggx((m["alpha"],) * 2, (*_frame(n), n)), which, p, wo)
+
+    def _anisotropic_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        _, along = self.shapes.coordinates(which, p)
+        u = _unit(along - _dot(along, n)[:, None] * n)
+        ggx = Ggx((m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u), n))
+        return self._microfacets(m, ggx, which, p, wo)
+
+    def _microfacets(self, m: Any, ggx: Ggx, which: Array, p: Array, wo: Array) -> Any:
+        tint, n = self._colour(m, "reflectance", which, p), ggx.frame[2]
         index = np.array(m["eta"]), np.array(m["k"])
 
         def f(wi: Array) -> Array:
             h = _unit(wi + wo)
-            ci, co, ch = (np.maximum(_dot(w, n), 1e-12) for w in (wi, wo, h))
-            d = alpha**2 / np.pi / (ch**2 * (alpha**2 - 1) + 1) ** 2
-            g = _shadowing(ci, alpha) * _shadowing(co, alpha)
-            return tint * fresnel_metal(_dot(wo, h), *index) * (d * g / (4 * ci * co))[:, None]
+            ci, co = (np.maximum(_dot(w, n), 1e-12) for w in (wi, wo))
+            g = ggx.shadowing(wi) * ggx.shadowing(wo)
+            return tint * fresnel_metal(_dot(wo, h), *index) * (ggx.density(h) * g / (4 * ci * co))[:, None]
 
         light = self._points(which, p, n, f)
-        x, y = self.rng.random((2, len(p)))
-        tan2 = alpha**2 * x / (1 - x)
-        u, v = _frame(n)
-        cosine = 1 / np.sqrt(1 + tan2)
-        r, angle = np.sqrt(1 - cosine**2)[:, None], (2 * np.pi * y)[:, None]
-        h = r * np.cos(angle) * u + r * np.sin(angle) * v + cosine[:, None] * n
+        h = ggx.sample(*self.rng.random((2, len(p))))
         wi = 2 * _dot(wo, h)[:, None] * h - wo
         above = (_dot(wi, n) > 0) & (_dot(wo, h) > 0)
-        ci, co = (np.maximum(_dot(w, n), 1e-12) for w in (wi, wo))
-        g = _shadowing(ci, alpha) * _shadowing(co, alpha)
-        share = np.where(above, g * _dot(wo, h) / (co * cosine), 0.0)[:, None]
+        g = ggx.shadowing(wi) * ggx.shadowing(wo)
+        share = np.where(above, g * _dot(wo, h) / (_dot(wo, n) * _dot(h, n)), 0.0)[:, None]
         factor = tint * fresnel_metal(np.clip(_dot(wo, h), 0, 1), *index) * share
         return light, _unit(wi), factor, True
 
