@@ -14,6 +14,8 @@ from raycheck.base.images import Image
 from raycheck.calibration import rivals
 from raycheck.calibration.mutants import OPTIONS
 from raycheck.judging import checks
+from raycheck.judging.conclusion import gross_mistake
+from raycheck.judging.looks import look
 from raycheck.judging.plan import measure_pilot
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds
 from raycheck.judging.verify import verify
@@ -91,8 +93,7 @@ def judge_images(
     first, second = residuals[:BATCHES], residuals[BATCHES:]
     found = judge(first, second, expected)
     fails = found.outcome is Outcome.FAIL or bool(
-        checks.name_mistake(pilot_images, truth.mean, truth.variance, gross=True)
-        or checks.shared_noise(images)
+        gross_mistake(pilot_images, truth, look("", pilot_images, truth)) or checks.shared_noise(images)
     )
     return Sets(regions, expected, first, second, found, fails)
 
