@@ -135,11 +135,12 @@ def try_program(program: Program, scene: str, truth: Truth, spp: int, seed: int 
     seeds = case_seeds(scene, "renderer", seed, range(first, first + count))[: 1 + PILOT_IMAGES + 2 * BATCHES]
     ends = 1 + PILOT_IMAGES
     requests = [(1, seeds[0]), *((PILOT_SPP, s) for s in seeds[1:ends]), *((spp, s) for s in seeds[ends:])]
+    singles = [(1, s) for s in seeds[1:ends]]
     try:
-        made = program.images(scene, requests)
+        made = program.images(scene, requests + singles)
     except RenderError as error:
         return Trial(str(error), {}, None, None, requests, spp)
-    [case] = verify(Ready(dict(zip(requests, made, strict=True))), [scene], spp=spp, seed=seed, jobs=1).cases
-    images = made[ends:]
+    [case] = verify(Ready(dict(zip(requests + singles, made, strict=True))), [scene], spp=spp, seed=seed, jobs=1).cases
+    images = made[ends : len(requests)]
     rejected = {"raycheck": case.verdict is Outcome.FAIL, **rivals.judge(images, spp, truth)}
     return Trial(case.reason, rejected, made[1:ends], images, requests, spp)

@@ -9,7 +9,7 @@ Calls go down this list, the way of a picture from `raycheck verify` to its sent
  2 judging.verify.verify              makes the cases of a run one after the other within its budget
  3 judging.agenda.oneray_agenda       says which cases: scene, technique, renderer; what is left out and why
  4 judging.judge_renderer.judge_task  renders one case: a probe, a pilot, two sets of images
- 5 judging.checks.clamped            says what shows before any statistics: clamped values, seeds, NaN
+ 5 judging.checks.check_contract     rejects images of another size, NaN and Inf, before any statistics
  6 judging.plan.plan                  says how many samples a verdict needs, by the pilot's noise and time
  7 stats.verdict.judge                decides by the means of image and tiles, in both sets
  8 judging.conclusion.conclude        makes the judgement a sentence and figures; a FAIL is explained by
