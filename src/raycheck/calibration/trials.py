@@ -140,7 +140,8 @@ def try_program(program: Program, scene: str, truth: Truth, spp: int, seed: int 
         made = program.images(scene, requests + singles)
     except RenderError as error:
         return Trial(str(error), {}, None, None, requests, spp)
-    [case] = verify(Ready(dict(zip(requests + singles, made, strict=True))), [scene], spp=spp, seed=seed, jobs=1).cases
+    ready = Ready(dict(zip(requests + singles, made, strict=True)))
+    [case] = verify(ready, [scene], spp=spp, seed=seed, jobs=1).cases
     images = made[ends : len(requests)]
     rejected = {"raycheck": case.verdict is Outcome.FAIL, **rivals.judge(images, spp, truth)}
     return Trial(case.reason, rejected, made[1:ends], images, requests, spp)
