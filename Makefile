@@ -4,7 +4,7 @@
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make report     races all techniques and Mitsuba's two variants in every scene for twelve minutes, leaves build/report/index.html
-# make stability  how far both renderers hold in stiff cases, ten minutes, into references/stability.json
+# make stability  how far both renderers hold in stiff cases, ten minutes, into references/stability.json and precisions.json
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, twenty minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, three hours of one core, into references/calibration.json, signatures, parts and harness_mutants.json
 #                 of these only what is stale: python scripts/stale.py --measure
@@ -120,7 +120,7 @@ FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,add
     -Isrc/oneray -I$(BUILD) -include tests/fuzz/harness.h
 stems = $(basename $(notdir $(wildcard src/oneray/$(1)/*.c)))
 FUZZ_MESH := harness message text $(call stems,meshes)
-FUZZ_SCENE := $(FUZZ_MESH) $(call stems,scene)
+FUZZ_SCENE := $(FUZZ_MESH) $(call stems,trees) $(call stems,scene)
 vpath %.c tests/fuzz
 
 $(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile
@@ -208,6 +208,7 @@ report: $(BUILD)/.system-test $(VENV)/.test
 stability: $(BUILD)/.system-test $(VENV)/.test
 	+$(ALL)
 	$(RAYCHECK) stability --json references/stability.json
+	$(PYTHON) scripts/precisions.py --json references/precisions.json
 	$(PYTHON) scripts/readme.py
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test

@@ -17,7 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "src"))
 
-from raycheck.cli import app
+from raycheck.commands.app import app
 
 if __name__ == "__main__":
     with contextlib.suppress(AttributeError, OSError):

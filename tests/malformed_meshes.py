@@ -32,6 +32,7 @@ def binary(points: list[float], corners: list[int], **header: object) -> bytes:
 
 TRIANGLE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0]
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+CORNER = "a corner of the face is no v, v/vt, v//vn or v/vt/vn"
 NUMBER = "a number up to 3.40282e+38 is wanted"
 
 MALFORMED: dict[str, tuple[bytes, str]] = {
@@ -92,11 +93,30 @@ MALFORMED: dict[str, tuple[bytes, str]] = {
     ),
     "faces-first.ply": (
         b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_index\nend_header\n3 0 1 2\n",
-        "3: the faces must come after the vertices",
+        '3: the faces have no vertices: an element "vertex" is wanted',
     ),
     "long-word.ply": (
         b"ply\n" + b"x" * 50 + b"\n",
-        "2: a word of the header is longer than 39 bytes: this is no PLY file",
+        f'2: the header has "{39 * "x"}" (format once, comment, element, property, end_header)',
+    ),
+    "long-count.ply": (
+        ply(vertices="0" * 38 + "3"),
+        f'3: "{38 * "0"}3" is no number of elements (0 to 268435456)',
+    ),
+    "utf-16.ply": ("\ufeffply\n".encode("utf-16-le"), "1: the file is UTF-16: UTF-8 is wanted"),
+    "utf-16.obj": ("\ufeffv 0 0 0\n".encode("utf-16-be"), "1: the file is UTF-16: UTF-8 is wanted"),
+    "cut-continuation.obj": (f"{OBJ}f 1 2 \\\n\\\nx\n".encode(), f"7: {CORNER}"),
+    "slash.obj": (f"{OBJ}f / 2 3\n".encode(), f"5: {CORNER}"),
+    "slashes.obj": (f"{OBJ}f 1///2 2 3\n".encode(), f"5: {CORNER}"),
+    "minus.obj": (f"{OBJ}f - 1 2\n".encode(), f"5: {CORNER}"),
+    "backslash.obj": (f"{OBJ}f 1 2 3\\4\n".encode(), f"5: {CORNER}"),
+    "backslash-number.obj": (b"v 0 0\\1 0\n", f'1: "0\\1" is no coordinate: {NUMBER}'),
+    "crlf-word.obj": (b"v 0 0 0\r\nv 0 a 0\r\n", f'2: "a" is no coordinate: {NUMBER}'),
+    "old-mac-word.obj": (b"v 0 0 0\rv 0 a 0\r", f'2: "a" is no coordinate: {NUMBER}'),
+    "faces-first-beyond.ply": (
+        b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_index\nelement vertex 2\n"
+        b"property float x\nproperty float y\nproperty float z\nend_header\n3 0 1 2\n0 0 0\n0 0 1\n",
+        "10: face 0 has the vertex 2, but there are only 0 to 1",
     ),
     "truncated.ply": (
         ply(*SQUARE, "3 0 1 2"),
@@ -138,10 +158,6 @@ MALFORMED: dict[str, tuple[bytes, str]] = {
         f"3: vertex 2 has the coordinate inf: {NUMBER}",
     ),
     "no-faces.ply": (ply(*SQUARE, faces=0), "1: the mesh has no faces"),
-    "all-flat.ply": (
-        ply(*SQUARE, "3 0 1 1", "3 2 2 2"),
-        "1: none of the 2 triangles has an area",
-    ),
     "no-faces.obj": (OBJ.encode(), "1: the mesh has no faces"),
     "word.obj": (b"v 0 a 0\n", f'1: "a" is no coordinate: {NUMBER}'),
     "two-coordinates.obj": (b"v 0 0\n", "1: the coordinate is missing: a number is wanted"),

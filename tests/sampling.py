@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 SOURCES = ROOT / "src/oneray"
 PROGRAM = {"main", "kernel", "instances", "kernels", "options", "render", "output", "film", "exr", "picture"}
-PROGRAM |= {"stats"}
+PROGRAM |= {"stats", "darkness"}
 """What is not needed here."""
 FLAGS = ["-std=c99", "-D_XOPEN_SOURCE=700", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS += ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Werror", "-O1", "-fPIC", "-shared"]

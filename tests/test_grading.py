@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 
 from raycheck.base.errors import NotFound, RenderLate, RenderTimeout
 from raycheck.base.images import Image, write_pfm
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.grading import attacks, course, hidden, points, speed
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail import sandbox

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from raycheck.base.errors import NotFound
 from raycheck.base.images import write_pfm
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.grading import attacks, c_functions, course, hidden
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.handout import write_handout

@@ -86,7 +86,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     ],
 )
 def test_a_command_imports_what_it_needs_alone(command: str, unwanted: tuple[str, ...]) -> None:
-    program = f"import sys, raycheck.cli, raycheck.commands.{command}; print(*sys.modules)"
+    program = f"import sys, raycheck.commands.app, raycheck.commands.{command}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not set(unwanted) & set(done.stdout.split())
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from raycheck.base.errors import PatchError
 from raycheck.calibration import mutants, payloads, trials
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.scene.techniques import technique
 
 CATALOGUE = {mutant.name: mutant for mutant in mutants.catalogue()}

@@ -26,8 +26,8 @@ WAYS = (
 )  # fmt: skip
 LIGHT_WAYS = ("--estimator nee", "", "--light-choice learned", "--light-choice uniform", "--estimator light")
 REFLECTANCE, TRANSMITTANCE = np.array([0.5, 0.3, 0.0]), np.array([0.3, 0.5, 0.6])
-SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{', '.join(map(str, REFLECTANCE))}"/>
-    <rgb name="transmittance" value="{', '.join(map(str, TRANSMITTANCE))}"/></bsdf>"""
+SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{", ".join(map(str, REFLECTANCE))}"/>
+    <rgb name="transmittance" value="{", ".join(map(str, TRANSMITTANCE))}"/></bsdf>"""
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +127,41 @@ def test_a_spot_with_a_disk_for_its_place(renderer: Oneray, way: str, radius: fl
     wanted = [10 * 0.5 / np.pi * irradiance_of_spots(radius)] * 3
     fov, spp, slack = (8, 16384, 2e-3) if way == "--estimator light" else (0.1, 1024, 1e-5)
     shows(renderer, world(sheet(diffuse(0.5)) + spot + below, fov=fov), way, wanted, spp, slack)
+
+
+SMALL = """<shape type="rectangle"><transform name="to_world"><scale value="0.4"/></transform>{}</shape>"""
+WALL = """<shape type="rectangle"><transform name="to_world"><scale value="20"/><rotate y="1" angle="90"/>
+    <translate x="-0.5"/></transform></shape>"""
+
+
+def test_a_wall_that_it_reaches_through_hides_what_is_behind(renderer: Oneray) -> None:
+    """Its middle and all else are on one side of the wall, a part of the disk on the other."""
+    spot = SPOT.format(kind="diskspot", x=0, power=10, more='<float name="radius" value="1.5"/>')
+    at = (np.arange(2000) + 0.5) / 1000 * 1.5 - 1.5
+    x, y = np.meshgrid(at, at)
+    r2 = x * x + y * y
+    cosine = 2 / np.sqrt(r2 + 4)
+    angle, cutoff, beam = np.arccos(cosine), np.radians(40), np.radians(30)
+    falloff = np.where(angle <= beam, 1, np.clip((cutoff - angle) / (cutoff - beam), 0, None))
+    seen = np.where(x > -0.5, falloff * cosine / (r2 + 4), 0)[r2 <= 1.5**2].mean()
+    shows(
+        renderer,
+        world(SMALL.format(diffuse(0.5)) + WALL + spot),
+        "",
+        [10 * 0.5 / np.pi * seen] * 3,
+        4096,
+        1e-3,
+    )
+
+
+@pytest.mark.parametrize(("radius", "wanted"), [(0.1, "single"), (0.5, "double")])
+def test_its_radius_counts_for_the_precision(renderer: Oneray, radius: float, wanted: str) -> None:
+    """Half a metre from a wall."""
+    spot = SPOT.format(kind="diskspot", x=0, power=10, more=f'<float name="radius" value="{radius}"/>')
+    scene = renderer.scene(world(SMALL.format(diffuse(0.5)) + WALL.replace("20", "2") + spot))
+    command = [str(renderer.program), str(scene), "--stats", "-", "--spp", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert f'"precision": "{wanted}"' in done.stdout
 
 
 def test_no_random_ray_meets_it(renderer: Oneray) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
+import shlex
+import shutil
 import signal
 import subprocess
 import time
@@ -13,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from building import ROOT
+from building import ROOT, build
+from disks import on_a_full_disk
 
 BOX = ROOT / "scenes/cornell-box.xml"
 POINT = ROOT / "scenes/point-light.xml"
@@ -339,3 +343,126 @@ def test_progress_only_on_a_terminal(oneray: Path, tmp_path: Path) -> None:
     shown = os.read(parent, 10000).decode()
     assert "100 %" in shown
     assert "samples/s" in shown
+
+
+FORMATS = {
+    "exr": ["-o", "out.exr"],
+    "pfm": ["-o", "out.pfm"],
+    "png": ["-o", "out.png", "--width", "300"],
+    "film": ["--samples", "0:4", "--film", "out.film"],
+    "stats": ["--stats", "out.json"],
+}
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_full_disk_is_called_that(kind: str, oneray: Path, tmp_path: Path) -> None:
+    """In every format, and nothing is left."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    words = [disk / word if word.startswith("out.") else word for word in FORMATS[kind]]
+    size = "4k" if kind == "stats" else "32k"
+    full = f'head -c 4096 /dev/zero > "{disk}/x" && ' if kind == "stats" else ""
+    done = on_a_full_disk(disk, ["sh", "-c", f'{full}exec "$0" "$@"', oneray, BOX, *words], size)
+    assert done.returncode == 2
+    [out] = [word for word in words if isinstance(word, Path)]
+    line, *left = done.stderr.splitlines()
+    assert line == f"oneray: {out}: cannot be written: No space left on device"
+    assert left == (["x"] if full else [])
+
+
+def test_a_checkpoint_that_cannot_be_written_is_a_warning(oneray: Path, tmp_path: Path) -> None:
+    """The render goes on to its end, and its picture has all samples."""
+    disk, picture = tmp_path / "disk", tmp_path / "out.pfm"
+    disk.mkdir()
+    options = ["--checkpoint", disk / "c", "--checkpoint-seconds", "0.01", "-o", picture, "--spp", "64"]
+    done = on_a_full_disk(disk, [oneray, BOX, *options])
+    assert done.returncode == 0
+    assert done.stderr and set(done.stderr.splitlines()) == {
+        f"oneray: warning: {disk / 'c'}: cannot be written: No space left on device; the render goes on"
+    }
+    assert run(oneray, BOX, "-o", tmp_path / "whole.pfm", "--spp", "64").returncode == 0
+    assert picture.read_bytes() == (tmp_path / "whole.pfm").read_bytes()
+
+
+def test_part_files_of_killed_renders_are_swept(oneray: Path, tmp_path: Path) -> None:
+    """By the next run that writes the same file and can lock them; what a living run writes stays."""
+    import fcntl
+
+    out = tmp_path / "out.exr"
+    names = ("out.exr.1.part", "out.exr.x.part", "out.exr.2.partly", "other.exr.1.part")
+    for name in names:
+        (tmp_path / name).write_bytes(b"x")
+    with (tmp_path / "out.exr.2.part").open("w") as living:
+        fcntl.lockf(living, fcntl.LOCK_EX)
+        assert run(oneray, BOX, "-o", out, "--spp", "1").returncode == 0
+        assert {path.name for path in tmp_path.iterdir()} == {*names[1:], "out.exr.2.part", "out.exr"}
+    (tmp_path / "link.exr").symlink_to("out.exr")
+    assert run(oneray, BOX, "-o", tmp_path / "link.exr", "--spp", "1").returncode == 0
+    assert not (tmp_path / "out.exr.2.part").exists()
+
+
+def test_a_render_that_is_writing_has_its_file_locked(oneray: Path, tmp_path: Path) -> None:
+    """Killed over its write, it leaves a file that the next run removes; before that nobody can."""
+    import fcntl
+
+    out = tmp_path / "out.film"
+    command = [oneray, BOX, "--samples", "0:1", "--film", out, "--width", "1500"]
+    process = subprocess.Popen(command)
+    locked = False
+    while process.poll() is None:
+        for path in tmp_path.glob("out.film.*.part"):
+            with contextlib.suppress(FileNotFoundError), path.open("r+") as part:
+                if path.stat().st_size:
+                    with pytest.raises(OSError):
+                        fcntl.lockf(part, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    locked = True
+                    process.kill()
+                    process.wait()
+    assert locked and len(list(tmp_path.iterdir())) == 1
+    assert run(*command[:-1], "30").returncode == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["out.film"]
+
+
+def test_words_of_the_command_line(oneray: Path, tmp_path: Path) -> None:
+    """- is standard input, -- ends the options, --option=VALUE is --option VALUE, -h is --help."""
+    (tmp_path / "--odd.xml").write_bytes(BOX.read_bytes())
+    first, second, third = (tmp_path / f"{name}.pfm" for name in "abc")
+    assert run(oneray, BOX, "-o", first, "--spp", "4", "--seed", "7").returncode == 0
+    with BOX.open() as scene:
+        words = ["-", "-o", second, "--spp=4", "--seed=7", "--estimator=mis"]
+        done = run(oneray, *words, stdin=scene, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    options = ["-o", third, "--spp=4", "--seed=7"]
+    assert run(oneray, *options, "--", "--odd.xml", cwd=tmp_path).returncode == 0
+    assert first.read_bytes() == second.read_bytes() == third.read_bytes()
+    assert run(oneray, BOX, "--samples=0:2", "--film", tmp_path / "--a.film").returncode == 0
+    assert run(oneray, "merge", "-o", tmp_path / "m.exr", "--", "--a.film", cwd=tmp_path).returncode == 0
+    assert run(oneray, "-h").stdout == run(oneray, "--help").stdout == run(oneray, "merge", "-h").stdout
+    broken = run(oneray, "-", "--stats", "-", input="<scene")
+    assert broken.returncode == 2 and broken.stderr.startswith("-:1: ")
+    with BOX.open() as scene:
+        done = run(oneray, "-", "--stats", "-", "--spp=1", stdin=scene)
+    assert json.loads(done.stdout)["scene"] == "-"
+
+
+def test_a_bug_is_no_error_of_the_users(tmp_path: Path) -> None:
+    """Its exit status is 70; its line says which sample of how many, the seed, and the command to repeat it.
+    Here sample 5 of a pixel counts as no radiance.
+    """
+    copy = tmp_path / "copy"
+    shutil.copytree(ROOT / "src/oneray", copy / "src/oneray")
+    shutil.copy(ROOT / "Makefile", copy)
+    reduce = copy / "src/oneray/film/film.c"
+    text = reduce.read_text(encoding="utf-8")
+    assert text.count("if (!(radiance[i] >= 0 && radiance[i] <= DBL_MAX))") == 1
+    reduce.write_text(text.replace("if (!(radiance[i] >= 0 && radiance[i] <= DBL_MAX))", "if (i == 15)"))
+    broken = build(tmp_path / "build", copy, KERNELS="generic", LANES="native", CFLAGS="-O1")
+    scene = tmp_path / "a scene.xml"
+    scene.write_bytes(BOX.read_bytes())
+    words = [broken, scene, "--seed", "7", "--spp", "8", "-Ddepth=3", "-o", tmp_path / "out.exr"]
+    done = run(*words)
+    assert done.returncode == 70 and done.stdout == "" and not (tmp_path / "out.exr").exists()
+    start, again = done.stderr.split(": a bug, please report it; again: ")
+    assert start.startswith(f"oneray: {scene}: pixel (0, 0), sample 5 of 8, seed 7: radiance (")
+    assert shlex.split(again) == [str(word) for word in words] and done.stderr.count("\n") == 1
+    assert run(*shlex.split(again)).stderr == done.stderr

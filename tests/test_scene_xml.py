@@ -38,6 +38,7 @@ VALID = """<scene version="3.0.0">
         <rgb name="reflectance" value="$grey, $grey .5"/>
     </bsdf>
     <shape type="sphere">
+        <point name="center" x="0" y="0" z="5"/>
         <ref id="paint"/>
     </shape>
     <emitter type="constant"/>

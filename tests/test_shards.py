@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from raycheck.base.errors import Lost
 from raycheck.base.processes import run_process
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.renderers import pools, shards
 
 BOX = ROOT / "scenes/cornell-box.xml"

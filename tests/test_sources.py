@@ -28,6 +28,7 @@ LAYERS = (
     {"film"},
     {"options"},
     {"render"},
+    {"darkness"},
     {"stats"},
     {"main"},
 )

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 from raycheck.base.errors import Lost, NotFound
 from raycheck.calibration import checkout, gradings, kills, mutants, nulls
 from raycheck.calibration.checkout import Checkout
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.grading import course, hidden, noise, one_submission
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier

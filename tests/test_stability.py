@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from raycheck.base.errors import RenderError
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.measuring.stability import plots, sweeps
 from raycheck.measuring.stability.case import Case, Parsed
 from raycheck.measuring.stability.cases import CASES

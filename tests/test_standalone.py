@@ -152,7 +152,7 @@ def test_budgets_that_cannot_be_met(oneray: Path, tmp_path: Path) -> None:
         BOX.read_text().replace("<emitter", "<!-- <emitter").replace("</emitter>", "</emitter> -->")
     )
     done = run(oneray, dark, "--error", "0.01", "--stats", "-", "--width", "8")
-    assert "the image is black after 1024 samples per pixel" in done.stderr
+    assert done.stderr.count("the scene has no light, the picture is black") == 1
     assert json.loads(done.stdout)["spp"] == 1024
     assert "not with --sampler sobol" in refusal(
         oneray, BOX, "--error", 0.1, "--sampler", "sobol", "--stats", "-"

@@ -1,4 +1,5 @@
 /* oneray: a path tracer that has every technique of the lecture "Probability Theory", each selectable. */
+#include "darkness.h"
 #include "film/film.h"
 #include "film/output.h"
 #include "film/picture.h"
@@ -22,6 +23,8 @@ static void merge(const Options *options)
         film_collect(&film, &part, options->parts[i]);
     }
     film_close(&film);
+    if (film_is_black(&film))
+        warn("%s: the picture is black: rendering its scene in one run says why", options->output);
     picture_write(&film, -1, "merged", options->exposure, options->output);
     film_free(&film);
 }
@@ -71,10 +74,12 @@ static void write_outputs(const Render *r)
     if (interrupted())
         warn("interrupted: %s: %" PRIu64 " of %" PRIu64 " samples per pixel%s", to, samples, r->wanted,
             samples ? "" : ", nothing is written");
+    if (samples && !o->film)
+        say_why_black(r);
     if (samples && o->output)
         picture_write(&r->film, seconds_now() - r->started, instance_name(r), o->exposure, o->output);
-    if (samples && o->film)
-        film_write(&r->film, o->film);
+    if (samples && o->film && !film_write(&r->film, o->film))
+        output_failed(o->film, NULL);
 }
 
 static void render_scene(Options *options)
@@ -115,6 +120,7 @@ static void render_scene(Options *options)
 
 int main(int count, char **words)
 {
+    called_with(words);
     Options options = options_read(count, words);
     if (options.part_count)
         merge(&options);

@@ -11,6 +11,10 @@
 /* What a signal handler must know, so the only globals that change. */
 static char unfinished[4096];
 static volatile sig_atomic_t is_unfinished, heeded, stop;
+/* And what a bug's message ends with. */
+static char **called;
+
+enum { EXIT_WRONG = 2, EXIT_BUG = 70 }; /* EX_SOFTWARE of sysexits.h */
 
 static void on_signal(int number)
 {
@@ -63,7 +67,15 @@ void die_interrupted(void)
 {
     signal(SIGINT, SIG_DFL);
     raise(SIGINT);
-    exit(2);
+    exit(EXIT_WRONG);
+}
+
+NORETURN static void leave(int status)
+{
+    fputc('\n', stderr);
+    if (is_unfinished)
+        unlink(unfinished);
+    exit(status);
 }
 
 void die_at(const char *file, int line, const char *format, ...)
@@ -77,10 +89,23 @@ void die_at(const char *file, int line, const char *format, ...)
     va_start(arguments, format);
     vfprintf(stderr, format, arguments);
     va_end(arguments);
-    fputc('\n', stderr);
-    if (is_unfinished)
-        unlink(unfinished);
-    exit(2);
+    leave(EXIT_WRONG);
+}
+
+void called_with(char **words) { called = words; }
+
+void bug(const char *format, ...)
+{
+    va_list arguments;
+    fflush(stdout);
+    fputs("oneray: ", stderr);
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fputs(": a bug, please report it; again:", stderr);
+    for (char **word = called; word && *word; word++)
+        fprintf(stderr, strpbrk(*word, " \t\n\"$&()*;<>?[]`{|}~") || !**word ? " '%s'" : " %s", *word);
+    leave(EXIT_BUG);
 }
 
 void warn(const char *format, ...)

@@ -1,4 +1,4 @@
-/* Errors and warnings: one line on standard error; an error ends the program with exit status 2. */
+/* Errors and warnings: one line on standard error; an error ends the program with exit status 2, a bug with 70. */
 #pragma once
 
 #if defined(__GNUC__)
@@ -15,6 +15,9 @@
 /* Say "FILE:LINE: …", "oneray: …" and "oneray: warning: …". */
 NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);
 #define die(...) die_at(NULL, 0, __VA_ARGS__)
+/* What must not be, and the command that was called with these words, so that it can be repeated. */
+void called_with(char **words);
+NORETURN void bug(const char *format, ...) PRINTF_LIKE(1, 2);
 void warn(const char *format, ...) PRINTF_LIKE(1, 2);
 typedef struct {
     const char *file;

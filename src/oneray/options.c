@@ -113,7 +113,7 @@ static const Option table[] = {
     {"--stats", "FILE", TEXT, AT(stats), .help = "figures as JSON (- for standard output)"},
     {"--quiet", NULL, FLAG, AT(quiet), .help = "no progress line"},
     {"--version", NULL, VERSION, 0, .help = "says which oneray this is"},
-    {"--help", NULL, HELP, 0, .help = "says this"},
+    {"--help", NULL, HELP, 0, .help = "says this; so does -h"},
 };
 enum { OPTIONS = sizeof table / sizeof *table };
 
@@ -138,12 +138,13 @@ NORETURN static void help(void)
     puts("usage: oneray SCENE.xml [-o PICTURE] [-Dname=value ...] [options]\n"
          "       oneray merge PART.film ... -o PICTURE [--exposure STOPS]\n"
          "\n"
+         "- for SCENE.xml is standard input; --option=VALUE is --option VALUE; -- ends the options.\n"
          "Renders a scene (Mitsuba 3 XML) with the techniques of the lecture \"Probability Theory\", each\n"
          "selectable. All give the same picture on average and differ only in variance. Defaults: *.\n");
     for (int i = 0; i < OPTIONS; i++)
         help_of(&table[i]);
-    puts(
-        "\nexit status: 0 done, 2 the command line, the scene or a file was wrong (standard error says where)");
+    puts("\nexit status: 0 done; 2 the command line, the scene or a file was wrong (standard error says where);\n"
+         "70 a bug of oneray's");
     const char *last = "";
     fputs("\nkernels that run here:", stdout);
     for (int i = 0; kernel_built(i); i++) {
@@ -310,52 +311,72 @@ static void check_given(const Options *o, const Technique *asked)
         options_kernel(o);
 }
 
-static const Option *option_named(const char *word)
+static const Option *option_named(const char *word, size_t length)
 {
-    if (!strcmp(word, "-h"))
-        word = "--help";
     for (int i = 0; i < OPTIONS; i++)
-        if (table[i].kind == PARAMETER ? !strncmp(word, table[i].name, 2) : !strcmp(word, table[i].name))
+        if (table[i].kind == PARAMETER ? !strncmp(word, table[i].name, 2)
+                                       : !strncmp(word, table[i].name, length) && !table[i].name[length])
             return &table[i];
     return NULL;
 }
 
-static void read_words(Options *o, int count, char **words)
+/* The option that the word at *at is, or NULL. *value is what stands behind its "=", else the next word, to which
+   *at moves on. */
+static const Option *read_option(char ***at, const char **value)
 {
-    for (int i = 1; i < count; i++) {
-        const Option *option = option_named(words[i]);
-        const char *name = words[i], *word = name;
-        if (option && option->kind == PARAMETER)
-            word += 2;
-        else if (option && option->kind < FLAG && (word = words[++i]) == NULL)
-            die("%s: a value is wanted after it", name);
-        if (option)
-            take(o, option, word);
-        else if (name[0] == '-')
-            die("%s is no option (--help lists them)", name);
-        else if (o->scene)
-            die("%s and %s: one scene is wanted", o->scene, name);
+    const char *word = strcmp(**at, "-h") ? **at : "--help";
+    size_t length = strncmp(word, "--", 2) ? strlen(word) : strcspn(word, "=");
+    const Option *option = option_named(word, length);
+    if (!option)
+        return NULL;
+    *value = option->kind == PARAMETER ? word + 2 : word + length + 1;
+    if (option->kind < FLAG && !word[length] && !(*value = *++*at))
+        die("%s: a value is wanted after it", word);
+    if (option->kind >= FLAG && option->kind != PARAMETER && word[length])
+        die("%s: it takes no value", word);
+    return option;
+}
+
+/* A name is what does not begin with '-', what stands behind "--", and "-" itself. */
+static bool is_name(const char *word, bool names_only) { return names_only || *word != '-' || !word[1]; }
+
+static void read_words(Options *o, char **at)
+{
+    const Option *option;
+    const char *value;
+    bool names_only = false;
+    for (; *at; at++)
+        if (!names_only && !strcmp(*at, "--"))
+            names_only = true;
+        else if (is_name(*at, names_only) && o->scene)
+            die("%s and %s: one scene is wanted", o->scene, *at);
+        else if (is_name(*at, names_only))
+            o->scene = *at;
+        else if ((option = read_option(&at, &value)))
+            take(o, option, value);
         else
-            o->scene = name;
-    }
+            die("%s is no option (--help lists them)", *at);
 }
 
 /* oneray merge PART.film … -o PICTURE */
-static void read_merge(Options *o, int count, char **words)
+static void read_merge(Options *o, int count, char **at)
 {
+    const Option *option;
+    const char *value;
+    bool names_only = false;
     o->parts = allocate((size_t)count, sizeof *o->parts);
-    for (int i = 2; i < count; i++) {
-        const Option *option = option_named(words[i]);
-        if (words[i][0] != '-')
-            o->parts[o->part_count++] = words[i];
-        else if (!option || !option->merges)
-            die("merge: %s is no option (oneray merge PART.film ... -o OUT.exr)", words[i]);
-        else if (option->kind == TEXT && (o->output || i + 1 == count))
+    for (; *at; at++) {
+        const char *word = *at;
+        if (!names_only && !strcmp(word, "--"))
+            names_only = true;
+        else if (is_name(word, names_only))
+            o->parts[o->part_count++] = *at;
+        else if (!(option = read_option(&at, &value)) || !(option->merges || option->kind == HELP))
+            die("merge: %s is no option (oneray merge PART.film ... -o OUT.exr)", word);
+        else if (option->kind == TEXT && o->output)
             die("merge: one -o OUT.exr is wanted");
-        else if (++i == count)
-            die("%s: a value is wanted after it", option->name);
         else
-            take(o, option, words[i]);
+            take(o, option, value);
     }
     if (!o->output)
         die("merge: -o OUT.exr is wanted");
@@ -373,7 +394,7 @@ Options options_read(int count, char **words)
 {
     Options o = {0};
     if (count > 1 && !strcmp(words[1], "merge")) {
-        read_merge(&o, count, words);
+        read_merge(&o, count, words + 2);
         return o;
     }
     for (int i = 0; i < OPTIONS; i++)
@@ -381,7 +402,8 @@ Options options_read(int count, char **words)
             *choice(&o.technique, &table[i]) = -1;
         else if (table[i].kind == WORD)
             take(&o, &table[i], table[i].values[table[i].unasked].word);
-    read_words(&o, count, words);
+    if (count)
+        read_words(&o, words + 1);
     Technique asked = o.technique;
     if (asked.estimator == ESTIMATOR_LIGHT && asked.light_choice < 0)
         o.technique.light_choice = LIGHT_CHOICE_POWER;

@@ -1,5 +1,6 @@
 #include "render.h"
 
+#include "film/output.h"
 #include "message.h"
 
 #include <float.h>
@@ -108,10 +109,10 @@ NORETURN static void die_of(const Render *r, size_t pixel, uint64_t sample, cons
         if (radiance[c] > DBL_MAX)
             die("%s: pixel (%zu, %zu), sample %llu%s: radiance overflows %s precision", r->options->scene,
                 pixel % width, pixel / width, (unsigned long long)sample, place, r->options->precision);
-    die("%s: pixel (%zu, %zu), sample %llu, seed %llu%s: radiance (%g, %g, %g) is no radiance: a bug, please "
-        "report it",
+    bug("%s: pixel (%zu, %zu), sample %llu of %llu, seed %llu%s: radiance (%g, %g, %g) is no radiance",
         r->options->scene, pixel % width, pixel / width, (unsigned long long)sample,
-        (unsigned long long)r->options->seed, place, radiance[0], radiance[1], radiance[2]);
+        (unsigned long long)r->wanted, (unsigned long long)r->options->seed, place, radiance[0], radiance[1],
+        radiance[2]);
 }
 
 /* Where the window's pixel is in the image, in reading order; *count, of pixels from it on, is cut to as many
@@ -238,11 +239,24 @@ static bool error_reached(Render *r, uint64_t done)
     if (done < FIRST_LOOK || next_look(done - 1) != done)
         return false;
     r->progress.error = film_relative_error(&r->film);
-    if (r->progress.error == HUGE_VAL && done >= BLACK_SAMPLES) {
-        warn("the image is black after %d samples per pixel: it has no relative error", BLACK_SAMPLES);
-        return true;
-    }
-    return r->progress.error <= r->options->error;
+    return r->progress.error <= r->options->error || (r->progress.error == HUGE_VAL && done >= BLACK_SAMPLES);
+}
+
+/* Says how much more it takes where another budget ended the render before the error was reached. */
+static void say_what_is_missing(const Render *r)
+{
+    const Options *o = r->options;
+    double error = film_has_error(&r->film) ? film_relative_error(&r->film) : HUGE_VAL;
+    double times = o->error > 0 ? pow(error / o->error, 2) : 0;
+    if (!(times > 1) || interrupted() || (error == HUGE_VAL && film_has_error(&r->film)))
+        return;
+    const char *budget = strcmp(r->ended_by, "time") ? "--spp" : "--time";
+    double samples = (double)film_samples(&r->film);
+    if (error == HUGE_VAL)
+        warn("%s ended with one sample per pixel, whose error is not known: --error %g wants more", budget, o->error);
+    else
+        warn("%s ended with %.0f samples per pixel and an error of %.2g: --error %g takes about %.3g", budget, samples,
+            error, o->error, samples * times);
 }
 
 /* How many samples per pixel may come next; 0 at the end, and ended_by says why. */
@@ -292,7 +306,8 @@ static void save(Render *r)
     if (!r->options->checkpoint || !film_samples(&r->film))
         return;
     r->saved = seconds_now();
-    film_write(&r->film, r->options->checkpoint);
+    if (!film_write(&r->film, r->options->checkpoint))
+        warn("%s: cannot be written: %s; the render goes on", r->options->checkpoint, output_reason(NULL));
 }
 
 /* Takes over the checkpoint's samples, if there is one. */
@@ -340,4 +355,5 @@ void render_image(Render *r)
         r->ended_by = "interrupt";
     save(r);
     show_progress(r, 0, true);
+    say_what_is_missing(r);
 }

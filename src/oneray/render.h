@@ -33,5 +33,6 @@ typedef struct {
 const char *instance_name(const Render *r);
 
 /* Renders options' samples of the prepared scene into the film, which has its window and identity. A sample that
-   is no radiance, or a path without end, ends the program with its place. */
+   is no radiance, or a path without end, ends the program with its place; a checkpoint that cannot be written is a
+   warning. */
 void render_image(Render *r);

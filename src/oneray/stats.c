@@ -91,11 +91,14 @@ void stats_write(const Options *options, const Render *render, const Seconds *se
     if (!strcmp(options->stats, "-")) {
         print_stats(stdout, options, render, seconds);
         if (fflush(stdout) || ferror(stdout))
-            output_failed("standard output");
+            output_failed("standard output", NULL);
         return;
     }
     char temporary[OUTPUT_NAME];
     FILE *stream = output_open(options->stats, temporary);
+    if (!stream)
+        output_failed(options->stats, NULL);
     print_stats(stream, options, render, seconds);
-    output_close(stream, options->stats, temporary);
+    if (!output_close(stream, options->stats, temporary))
+        output_failed(options->stats, NULL);
 }

@@ -33,4 +33,6 @@ typedef struct {
     double origin[3];
     double farthest; /* that it sees */
     double pixel;    /* its least angle, radians */
+    double axis[3];  /* unit: of the narrowest cone that holds all it sees, */
+    double cosine;   /* and of the cone's half angle */
 } SensorTraits;

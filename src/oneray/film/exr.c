@@ -2,7 +2,6 @@
    mean). */
 #include "film/picture.h"
 
-#include "message.h"
 #include "film/output.h"
 #include "version.h"
 
@@ -19,10 +18,20 @@ static void silent(exr_const_context_t context, exr_result_t code, const char *t
     (void)context, (void)code, (void)text;
 }
 
+/* Bytes of the file, which the library writes nearly in their order. */
+static int64_t write_bytes(exr_const_context_t context, void *stream, const void *bytes, uint64_t size,
+    uint64_t offset, exr_stream_error_func_ptr_t failed)
+{
+    (void)context;
+    (void)failed;
+    bool there = (uint64_t)ftello(stream) == offset || !fseeko(stream, (off_t)offset, SEEK_SET);
+    return there && fwrite(bytes, 1, size, stream) == size ? (int64_t)size : -1;
+}
+
 static void check(exr_result_t result, const char *file)
 {
     if (result != EXR_ERR_SUCCESS)
-        die("%s: cannot be written: %s", file, exr_get_error_code_as_string(result));
+        output_failed(file, exr_get_error_code_as_string(result));
 }
 
 static void write_header(exr_context_t context, const Picture *picture, const char *file)
@@ -90,16 +99,15 @@ static void write_rows(exr_context_t context, const Picture *picture, const char
     check(exr_encoding_destroy(context, &encoder), file);
 }
 
-void exr_write(const Picture *picture, const char *file)
+void exr_write(const Picture *picture, const char *file, FILE *stream)
 {
-    char temporary[OUTPUT_NAME];
     exr_context_t context;
     exr_context_initializer_t settings = EXR_DEFAULT_CONTEXT_INITIALIZER;
     settings.error_handler_fn = silent;
-    output_name(file, temporary);
-    check(exr_start_write(&context, temporary, EXR_WRITE_FILE_DIRECTLY, &settings), file);
+    settings.user_data = stream;
+    settings.write_fn = write_bytes;
+    check(exr_start_write(&context, file, EXR_WRITE_FILE_DIRECTLY, &settings), file);
     write_header(context, picture, file);
     write_rows(context, picture, file);
     check(exr_finish(&context), file);
-    output_done(file, temporary);
 }

@@ -130,6 +130,16 @@ double film_relative_error(const Film *film)
     return n > 1 && sum > 0 ? sqrt(squares / numbers / (n - 1) / n) / (sum / numbers) : HUGE_VAL;
 }
 
+bool film_is_black(const Film *film)
+{
+    for (int k = 0; k < film->layer_count; k++)
+        for (size_t i = 0; i < film_pixels(film); i++)
+            for (int c = 0; c < 3; c++)
+                if (film->layers[k].pixels[6 * i + (size_t)c] > 0)
+                    return false;
+    return true;
+}
+
 /* The spread of a pixel's samples says how far their mean may be off only where they are independent; Sobol'
    points balance each other, so that it takes other seeds to know. The identity names the sampler. */
 bool film_has_error(const Film *film)
@@ -173,18 +183,20 @@ static bool read_pixels(double *numbers, size_t pixels, FILE *stream)
     return true;
 }
 
-void film_write(const Film *film, const char *file)
+bool film_write(const Film *film, const char *file)
 {
     char temporary[OUTPUT_NAME];
     const Window *w = &film->window;
     FILE *stream = output_open(file, temporary);
+    if (!stream)
+        return false;
     fprintf(stream, "oneray film 2\n%s\n%d %d %d %d %d %d %d\n", film->identity, w->image_width,
         w->image_height, w->x, w->y, w->width, w->height, film->layer_count);
     for (int k = 0; k < film->layer_count; k++) {
         fprintf(stream, "%d %llu\n", film->layers[k].level, (unsigned long long)film->layers[k].index);
         write_pixels(film->layers[k].pixels, film_pixels(film), stream);
     }
-    output_close(stream, file, temporary);
+    return output_close(stream, file, temporary);
 }
 
 /* Up to the first layer; returns how many there are. */

@@ -50,13 +50,15 @@ uint64_t film_samples(const Film *film);
 void film_estimate(const Film *film, float *mean, float *standard_error);
 bool film_has_error(const Film *film); /* more than one sample, and independent ones */
 
+bool film_is_black(const Film *film);
+
 /* The root mean square of the standard errors of all pixels and channels over the mean of all; infinite for a
    single sample and a black image. */
 double film_relative_error(const Film *film);
 
-/* A film in a file: a line of identity, then the layers, little-endian doubles on every machine. Errors end the
-   program. */
-void film_write(const Film *film, const char *file);
+/* A film in a file: a line of identity, then the layers, little-endian doubles on every machine. film_write says
+   whether the file is written, and errno why not; an error of film_read ends the program. */
+bool film_write(const Film *film, const char *file);
 Film film_read(const char *file);
 
 /* Puts the layers of `from` into `film`, which is empty or of the same identity and window; `name` is the file

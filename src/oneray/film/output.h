@@ -2,6 +2,8 @@
    renamed. */
 #pragma once
 
+#include "message.h"
+
 #include <stdio.h>
 
 enum { OUTPUT_NAME = 4096 };
@@ -10,11 +12,13 @@ enum { OUTPUT_NAME = 4096 };
    rendered that could not be saved, and nothing is lost. */
 void output_check(const char *file, char *const inputs[], int input_count);
 
-/* The temporary name for `file`, noted so that an error or a signal removes it. */
-void output_name(const char *file, char temporary[OUTPUT_NAME]);
-/* A stream into that, and its end. */
+/* A stream into a temporary file for `file`, noted so that an error or a signal removes it, and locked: what runs
+   that were killed left of the same file, and so nobody has locked any more, is removed. NULL if there can be none;
+   errno says why. */
 FILE *output_open(const char *file, char temporary[OUTPUT_NAME]);
-void output_close(FILE *stream, const char *file, const char *temporary);
-void output_done(const char *file, const char *temporary); /* syncs it and gives it its name */
-void output_failed(const char *file)
-    __attribute__((noreturn)); /* "FILE: cannot be written: reason" from errno */
+/* Writes what is left, and gives the file its name; or removes it, if that or anything before failed: errno says
+   why. */
+bool output_close(FILE *stream, const char *file, const char *temporary);
+/* "FILE: cannot be written: REASON": by errno, else what is known otherwise (NULL: nothing). */
+const char *output_reason(const char *otherwise);
+NORETURN void output_failed(const char *file, const char *otherwise);

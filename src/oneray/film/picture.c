@@ -54,7 +54,7 @@ static void write_png(const Picture *picture, double exposure, const char *file,
     for (size_t i = 0; i < numbers; i++)
         bytes[i] = srgb((double)picture->mean[i] * exp2(exposure));
     if (!png_image_write_to_stdio(&image, stream, 0, bytes, 0, NULL))
-        die("%s: cannot be written: %s", file, image.message);
+        output_failed(file, image.message);
     free(bytes);
 }
 
@@ -76,17 +76,18 @@ void picture_write(
     check_range(&film->window, mean, film_has_error(film) ? error : mean, file);
     Picture picture = {film->window, mean, film_has_error(film) ? error : NULL, film_samples(film),
         render_seconds, film->identity, kernel};
-    if (ends_with(file, ".exr")) {
-        exr_write(&picture, file);
-    } else {
-        char temporary[OUTPUT_NAME];
-        FILE *stream = output_open(file, temporary);
-        if (ends_with(file, ".pfm"))
-            write_pfm(&picture, stream);
-        else
-            write_png(&picture, exposure, file, stream);
-        output_close(stream, file, temporary);
-    }
+    char temporary[OUTPUT_NAME];
+    FILE *stream = output_open(file, temporary);
+    if (!stream)
+        output_failed(file, NULL);
+    if (ends_with(file, ".exr"))
+        exr_write(&picture, file, stream);
+    else if (ends_with(file, ".pfm"))
+        write_pfm(&picture, stream);
+    else
+        write_png(&picture, exposure, file, stream);
+    if (!output_close(stream, file, temporary))
+        output_failed(file, NULL);
     free(mean);
     free(error);
 }

@@ -3,6 +3,8 @@
 
 #include "film/film.h"
 
+#include <stdio.h>
+
 typedef struct {
     Window window;               /* the pixels that there are, of the whole image */
     const float *mean;           /* [pixel][3], rows from the top */
@@ -21,4 +23,4 @@ void picture_check_name(const char *file, double exposure);
 void picture_write(
     const Film *film, double render_seconds, const char *kernel, double exposure, const char *file);
 
-void exr_write(const Picture *picture, const char *file);
+void exr_write(const Picture *picture, const char *file, FILE *stream);

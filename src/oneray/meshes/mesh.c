@@ -5,9 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-bool find_text_number(Source *source, double *value)
+void skip_mark(Source *source)
+{
+    if (!strncmp(source->at, "\xef\xbb\xbf", 3))
+        source->at += 3;
+    else if (!strncmp(source->at, "\xff\xfe", 2) || !strncmp(source->at, "\xfe\xff", 2))
+        fail(source, "the file is UTF-16: UTF-8 is wanted");
+}
+
+size_t word_length(const Source *source)
 {
     size_t length = strcspn(source->at, " \t\r\n");
+    return length - (length && source->at[length - 1] == '\\' && strchr("\r\n", source->at[length]));
+}
+
+int printable(const char *word, size_t length)
+{
+    int count = 0;
+    while ((size_t)count < length && count < 40 && isprint((unsigned char)word[count]))
+        count++;
+    return count;
+}
+
+bool find_text_number(Source *source, double *value)
+{
+    size_t length = word_length(source);
     if (!length || !is_number(source->at, length, value) || !(fabs(*value) <= (double)FLT_MAX))
         return false;
     source->at += length;
@@ -19,12 +41,11 @@ double read_text_number(Source *source, const char *of)
     double value;
     if (find_text_number(source, &value))
         return value;
-    size_t length = strcspn(source->at, " \t\r\n"), printable = 0;
+    size_t length = word_length(source);
     if (!length)
         fail(source, "the %s is missing: a number is wanted", of);
-    while (printable < length && printable < 40 && isprint((unsigned char)source->at[printable]))
-        printable++;
-    fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", (int)printable, source->at, of, (double)FLT_MAX);
+    fail(source, "\"%.*s\" is no %s: a number up to %g is wanted", printable(source->at, length), source->at,
+        of, (double)FLT_MAX);
 }
 
 /* Normals go by the inverse transpose, whose columns are the cross products of the matrix's. */
@@ -51,25 +72,41 @@ static void to_the_world(Mesh *mesh, const Affine *to_world)
     }
 }
 
+/* What is left of a sum of unit normals that cancel is rounding. */
+#define CANCELLED 1e-9
+
 /* A vertex's normal is the mean of its triangles', each by its angle there. Thürmer & Wüthrich, Computing
-   Vertex Normals from Polygonal Facets, JGT 3(1), 1998. */
-static void compute_normals(Mesh *mesh)
+   Vertex Normals from Polygonal Facets, JGT 3(1), 1998. Where they cancel there is none, and a triangle's own holds. */
+static void compute_normals(Mesh *mesh, const char *file)
 {
+    int cancelled = 0;
     mesh->normal = allocate((size_t)mesh->vertex_count, sizeof *mesh->normal);
+    bool *used = allocate((size_t)mesh->vertex_count, sizeof *used);
     for (int t = 0; t < mesh->triangle_count; t++)
         for (int k = 0; k < 3; k++) {
             double a[3], b[3], across[3];
             triangle_edges(mesh, t, k, a, b, across);
-            double angle = atan2(length(across), dot(a, b));
-            normalise(across);
+            double size = length(across), angle = atan2(size, dot(a, b));
             for (int i = 0; i < 3; i++)
-                mesh->normal[mesh->triangle[t][k]][i] += angle * across[i];
+                mesh->normal[mesh->triangle[t][k]][i] += angle * (across[i] / size);
+            used[mesh->triangle[t][k]] = true;
         }
-    for (int v = 0; v < mesh->vertex_count; v++)
+    for (int v = 0; v < mesh->vertex_count; v++) {
+        bool none = used[v] && length(mesh->normal[v]) < CANCELLED;
+        cancelled += none;
+        if (none)
+            memset(mesh->normal[v], 0, sizeof mesh->normal[v]);
         normalise(mesh->normal[v]);
+    }
+    free(used);
+    if (cancelled)
+        warn("%s: at %d of %d vertices the faces look both ways, so that their normals cancel: set face_normals, or "
+             "give each side vertices of its own",
+            file, cancelled, mesh->vertex_count);
 }
 
-static void leave_out_flat(Mesh *mesh, const char *file)
+/* How many are left. */
+static int leave_out_flat(Mesh *mesh, const char *file)
 {
     int kept = 0, count = mesh->triangle_count;
     for (int t = 0; t < count; t++) {
@@ -78,11 +115,21 @@ static void leave_out_flat(Mesh *mesh, const char *file)
         if (across[0] != 0 || across[1] != 0 || across[2] != 0)
             memmove(mesh->triangle[kept++], mesh->triangle[t], sizeof *mesh->triangle);
     }
-    if (!kept)
-        die_at(file, 1, "none of the %d triangles has an area", count);
-    if (kept < count)
+    if (kept && kept < count)
         warn("%s: %d of %d triangles have no area and are left out", file, count - kept, count);
-    mesh->triangle_count = kept;
+    return mesh->triangle_count = kept;
+}
+
+static void check_normals(const Mesh *mesh, const char *file)
+{
+    for (int t = 0; t < mesh->triangle_count; t++)
+        for (int k = 0; k < 3; k++) {
+            int v = mesh->triangle[t][k];
+            if (!(length(mesh->normal[v]) <= DBL_MAX))
+                die_at(file, 1,
+                    "vertex %d has a normal that is no number: mend it, or let the shape have face_normals",
+                    v);
+        }
 }
 
 static void reverse(Mesh *mesh, int t)
@@ -111,16 +158,19 @@ static void turn_to_normals(Mesh *mesh)
     }
 }
 
-void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals)
+bool mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals)
 {
     if (face_normals) {
         free(mesh->normal);
         mesh->normal = NULL;
     }
     to_the_world(mesh, to_world);
-    leave_out_flat(mesh, file);
-    if (!face_normals && !mesh->normal)
-        compute_normals(mesh);
+    if (!leave_out_flat(mesh, file))
+        return false;
+    if (mesh->normal)
+        check_normals(mesh, file);
+    else if (!face_normals)
+        compute_normals(mesh, file);
     for (int t = 0; flip_normals && t < mesh->triangle_count; t++)
         reverse(mesh, t);
     for (int v = 0; flip_normals && mesh->normal && v < mesh->vertex_count; v++)
@@ -128,6 +178,7 @@ void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip
             mesh->normal[v][i] = -mesh->normal[v][i];
     if (mesh->normal)
         turn_to_normals(mesh);
+    return true;
 }
 
 /* Puts `more` rows behind the first `count`, and one beyond, which kernels read along with the last. Rows that either

@@ -29,6 +29,13 @@ enum { MESH_MOST = 1 << 28 }; /* vertices, or triangles, of a scene: thrice that
 void ply_read(Source *source, Mesh *mesh);
 void obj_read(Source *source, Mesh *mesh);
 
+/* Over the byte order mark that editors put in front of UTF-8; UTF-16 is an error. */
+void skip_mark(Source *source);
+
+/* Of a word of plain text, up to a blank, or to a backslash at the end of its line; and how much of it a message shows. */
+size_t word_length(const Source *source);
+int printable(const char *word, size_t length);
+
 /* A number of plain text, which ends at a blank: neither nan, inf nor hexadecimal. Else false, and nothing is read. */
 bool find_text_number(Source *source, double *value);
 
@@ -45,8 +52,8 @@ static inline void triangle_edges(const Mesh *mesh, int triangle, int k, double 
 }
 
 /* To the world, turned over by flip_normals, with Mitsuba's vertex normals unless face_normals; triangles
-   without area are left out with a warning. */
-void mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals);
+   without area are left out with a warning. Are there none with one? Then there is nothing left of the mesh. */
+bool mesh_finish(Mesh *mesh, const char *file, const Affine *to_world, bool flip_normals, bool face_normals);
 
 /* Puts the mesh behind those that are there, and empties it. */
 void mesh_append(Mesh *all, Mesh *mesh);

@@ -17,7 +17,7 @@ static const struct {
 } types[TYPES] = {{"char", "int8", 1}, {"uchar", "uint8", 1}, {"short", "int16", 2}, {"ushort", "uint16", 2},
     {"int", "int32", 4}, {"uint", "uint32", 4}, {"float", "float32", 4}, {"double", "float64", 8}};
 
-enum { MOST_ELEMENTS = 16, MOST_PROPERTIES = 64, WORD = 40 };
+enum { WORD = 40 };
 
 typedef struct {
     bool is_list;
@@ -28,13 +28,14 @@ typedef struct {
 typedef struct {
     char name[WORD];
     int count, line; /* the line that declares it */
-    PlyProperty properties[MOST_PROPERTIES];
+    PlyProperty *properties;
     int property_count;
+    unsigned has; /* the roles of its properties, a bit each */
 } Element;
 
 typedef struct {
     Format format;
-    Element elements[MOST_ELEMENTS];
+    Element *elements;
     int element_count;
 } Header;
 
@@ -44,15 +45,14 @@ static void skip_blanks(Source *source, const char *blanks)
         source->line += *source->at == '\n';
 }
 
-/* The next word of the header's line; empty at its end. */
+/* The next word of the header's line; empty at its end. Of a longer one the start: none that means anything is so
+   long. */
 static void next_word(Source *source, char word[WORD])
 {
     skip_blanks(source, " \t\r");
-    size_t length = strcspn(source->at, " \t\r\n");
-    if (length >= WORD)
-        fail(source, "a word of the header is longer than %d bytes: this is no PLY file", WORD - 1);
-    memcpy(word, source->at, length);
-    word[length] = '\0';
+    size_t length = strcspn(source->at, " \t\r\n"), kept = length < WORD ? length : WORD - 1;
+    memcpy(word, source->at, kept);
+    word[kept] = '\0';
     source->at += length;
 }
 
@@ -66,14 +66,19 @@ static void end_line(Source *source)
     source->line++;
 }
 
-static Type next_type(Source *source)
+static Type type_named(const Source *source, const char *word)
 {
-    char word[WORD];
-    next_word(source, word);
     for (int type = 0; type < TYPES; type++)
         if (!strcmp(word, types[type].name) || !strcmp(word, types[type].other))
             return (Type)type;
     fail(source, "\"%s\" is no type of PLY (char, uchar, short, ushort, int, uint, float, double)", word);
+}
+
+static Type next_type(Source *source)
+{
+    char word[WORD];
+    next_word(source, word);
+    return type_named(source, word);
 }
 
 static void read_format(Source *source, Header *header)
@@ -91,16 +96,14 @@ static void read_format(Source *source, Header *header)
 static void read_header_element(Source *source, Header *header)
 {
     char count[WORD], *end;
-    if (header->element_count == MOST_ELEMENTS)
-        fail(source, "more than %d elements are not supported", MOST_ELEMENTS);
-    Element *element = &header->elements[header->element_count++];
-    element->line = source->line;
-    next_word(source, element->name);
+    Element element = {.line = source->line};
+    next_word(source, element.name);
     next_word(source, count);
     long value = strtol(count, &end, 10);
-    if (end == count || *end || value < 0 || value > MESH_MOST)
+    if (end == count || *end || value < 0 || value > MESH_MOST || strlen(count) == WORD - 1)
         fail(source, "\"%s\" is no number of elements (0 to %d)", count, MESH_MOST);
-    element->count = (int)value;
+    element.count = (int)value;
+    PUSH(header->elements, header->element_count, element);
 }
 
 static void read_header_property(Source *source, Header *header)
@@ -110,15 +113,11 @@ static void read_header_property(Source *source, Header *header)
     if (!header->element_count)
         fail(source, "a property before the first element");
     Element *element = &header->elements[header->element_count - 1];
-    if (element->property_count == MOST_PROPERTIES)
-        fail(source, "more than %d properties are not supported", MOST_PROPERTIES);
-    skip_blanks(source, " \t");
-    property.is_list = !strncmp(source->at, "list ", 5);
-    if (property.is_list) {
-        source->at += 5;
+    next_word(source, name);
+    property.is_list = !strcmp(name, "list");
+    if (property.is_list)
         property.length_type = next_type(source);
-    }
-    property.type = next_type(source);
+    property.type = property.is_list ? next_type(source) : type_named(source, name);
     next_word(source, name);
     if (!strcmp(element->name, "vertex") && !property.is_list)
         property.role = (Role)find_word(COORDINATES, name);
@@ -126,16 +125,18 @@ static void read_header_property(Source *source, Header *header)
         property.role = CORNERS;
     if (property.role == CORNERS && (property.type >= FLOAT32 || property.length_type >= FLOAT32))
         fail(source, "\"%s\" must be a list of integers, its length too", name);
-    for (int i = 0; i < element->property_count && property.role != SKIPPED; i++)
-        if (element->properties[i].role == property.role && (property.role < U || property.role == CORNERS))
-            fail(source, "the property \"%s\" is given twice", name);
-    element->properties[element->property_count++] = property;
+    unsigned bit = property.role == SKIPPED ? 0 : 1u << property.role;
+    if (element->has & bit && (property.role < U || property.role == CORNERS))
+        fail(source, "the property \"%s\" is given twice", name);
+    element->has |= bit;
+    PUSH(element->properties, element->property_count, property);
 }
 
 static void read_header(Source *source, Header *header)
 {
     char word[WORD];
     bool has_format = false;
+    skip_mark(source);
     if (strncmp(source->at, "ply", 3) != 0 || !strchr(" \t\r\n", source->at[3]))
         fail(source, "this is no PLY file: its first line must be \"ply\"");
     source->at += 3;
@@ -178,14 +179,22 @@ static double binary_number(const char *at, Type type, bool big)
     }
 }
 
-static double next_number(Source *source, Format format, Type type, const Element *element)
+/* A number. In plain text it is nan where there is none, and only who wants it says so, but for coordinates and corners,
+   without which there is no mesh. */
+static double next_number(Source *source, Format format, Type type, const Element *element, Role role)
 {
     if (format == ASCII) {
         skip_blanks(source, " \t\r\n");
         if (source->at == source->end)
             fail(source, "the file ends before the %d elements \"%s\" of line %d do", element->count,
                 element->name, element->line);
-        double value = read_text_number(source, "value of PLY");
+        double value = (double)NAN;
+        size_t length = word_length(source);
+        if ((role == SKIPPED || (role > Z && role < CORNERS)) && length) {
+            source->at += find_text_number(source, &value) ? 0 : length;
+            return value;
+        }
+        value = read_text_number(source, "value of PLY");
         if (type < FLOAT32 && value != rint(value))
             fail(source, "%g is no integer, and a value of type %s is wanted", value, types[type].name);
         return value;
@@ -215,7 +224,7 @@ static void read_corners(Source *source, double length, const double corners[3],
 
 static void keep_number(Source *source, Role role, double value, int vertex, Mesh *mesh)
 {
-    if (!(fabs(value) <= (double)FLT_MAX) && role >= U)
+    if (!(fabs(value) <= (double)FLT_MAX) && role > Z)
         value = (double)NAN;
     else if (!(fabs(value) <= (double)FLT_MAX))
         fail(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value,
@@ -224,7 +233,7 @@ static void keep_number(Source *source, Role role, double value, int vertex, Mes
         mesh->vertex[vertex][role] = value;
     else if (role >= U)
         mesh->uv[vertex][role - U] = (float)value;
-    else if (mesh->normal)
+    else
         mesh->normal[vertex][role - NX] = value;
 }
 
@@ -234,11 +243,11 @@ static void read_one(Source *source, Format format, const Element *element, int 
         const PlyProperty *property = &element->properties[i];
         double length = 1, corners[3] = {-1, -1, -1}, value = 0;
         if (property->is_list)
-            length = next_number(source, format, property->length_type, element);
+            length = next_number(source, format, property->length_type, element, CORNERS);
         if (!(length >= 0) || length != rint(length))
             fail(source, "a list of %g numbers in element %d of \"%s\"", length, number, element->name);
         for (double k = 0; k < length; k++) {
-            value = next_number(source, format, property->type, element);
+            value = next_number(source, format, property->type, element, property->role);
             if (k < 3)
                 corners[(int)k] = value;
         }
@@ -249,70 +258,80 @@ static void read_one(Source *source, Format format, const Element *element, int 
     }
 }
 
-/* Texture coordinates are the first of the pairs that the vertices have, as in Mitsuba; others are skipped. */
-static bool choose_uv(Element *element, unsigned has)
+/* Texture coordinates are the first of the pairs that the vertices have, as in Mitsuba; other pairs are skipped, and a
+   normal that is not whole. */
+static void choose_roles(Element *element, bool has_normal, int pair)
 {
-    int pair = U;
-    while (pair < CORNERS && (has >> pair & 3) != 3)
-        pair += 2;
     for (int i = 0; i < element->property_count; i++) {
         Role *role = &element->properties[i].role;
         if (*role >= U && *role < CORNERS)
             *role = *role - pair == 0 ? U : *role - pair == 1 ? V : SKIPPED;
+        else if (*role >= NX && *role <= NZ && !has_normal)
+            *role = SKIPPED;
     }
-    return pair < CORNERS;
+}
+
+static void make_vertices(Element *element, Mesh *mesh)
+{
+    bool has_normal = (element->has >> NX & 7) == 7;
+    int pair = U;
+    while (pair < CORNERS && (element->has >> pair & 3) != 3)
+        pair += 2;
+    mesh->vertex = allocate((size_t)element->count, sizeof *mesh->vertex);
+    if (has_normal)
+        mesh->normal = allocate((size_t)element->count, sizeof *mesh->normal);
+    if (pair < CORNERS)
+        mesh->uv = allocate((size_t)element->count, sizeof *mesh->uv);
+    choose_roles(element, has_normal, pair);
 }
 
 /* Makes room for an element's numbers, once it is certain that the file can hold them. */
 static void make_room(Source *source, Format format, Element *element, Mesh *mesh)
 {
     const Place at = {source->file, element->line};
-    unsigned has = 0;
     size_t count = (size_t)element->count, rest = (size_t)(source->end - source->at), least = 0;
     for (int i = 0; i < element->property_count; i++) {
         const PlyProperty *property = &element->properties[i];
         least += format == ASCII ? 2 : types[property->is_list ? property->length_type : property->type].bytes;
-        has |= property->role == SKIPPED ? 0 : 1u << property->role;
     }
     if (count * least > rest + 1)
         fail(&at, "%zu elements \"%s\" are said to follow, but only %zu bytes do", count, element->name, rest);
     if (!strcmp(element->name, "vertex") && !mesh->vertex) {
-        if ((has & 7) != 7)
+        if ((element->has & 7) != 7)
             fail(&at, "the vertices need the properties x, y and z");
-        mesh->vertex = allocate(count, sizeof *mesh->vertex);
-        mesh->vertex_count = element->count;
-        if ((has >> NX & 7) == 7)
-            mesh->normal = allocate(count, sizeof *mesh->normal);
-        if (choose_uv(element, has))
-            mesh->uv = allocate(count, sizeof *mesh->uv);
+        make_vertices(element, mesh);
     } else if (!strcmp(element->name, "face") && !mesh->triangle) {
-        if (!(has >> CORNERS & 1))
+        if (!(element->has >> CORNERS & 1))
             fail(&at, "the faces need a list vertex_indices or vertex_index");
-        if (!mesh->vertex)
-            fail(&at, "the faces must come after the vertices");
+        if (count && !mesh->vertex_count)
+            fail(&at, "the faces have no vertices: an element \"vertex\" is wanted");
         mesh->triangle = allocate(count, sizeof *mesh->triangle);
-    } else if (has) {
+    } else if (element->has) {
         fail(&at, "a second element \"%s\"", element->name);
     }
 }
 
 void ply_read(Source *source, Mesh *mesh)
 {
-    Header *header = allocate(1, sizeof *header);
-    read_header(source, header);
-    for (int e = 0; e < header->element_count; e++) {
-        Element *element = &header->elements[e];
-        make_room(source, header->format, element, mesh);
-        if (header->format != ASCII) /* bytes have no lines: a message names the one that declares them */
+    Header header = {0};
+    read_header(source, &header);
+    for (int e = header.element_count - 1; e >= 0; e--) /* faces may come before the vertices that they name */
+        if (!strcmp(header.elements[e].name, "vertex"))
+            mesh->vertex_count = header.elements[e].count;
+    for (int e = 0; e < header.element_count; e++) {
+        Element *element = &header.elements[e];
+        make_room(source, header.format, element, mesh);
+        if (header.format != ASCII) /* bytes have no lines: a message names the one that declares them */
             source->line = element->line;
         for (int i = 0; i < element->count && element->property_count; i++)
-            read_one(source, header->format, element, i, mesh);
+            read_one(source, header.format, element, i, mesh);
+        free(element->properties);
     }
-    if (header->format == ASCII)
+    if (header.format == ASCII)
         skip_blanks(source, " \t\r\n");
     if (source->at != source->end)
         fail(source, "%zu bytes are left after all elements", (size_t)(source->end - source->at));
     for (int v = 0; mesh->normal && v < mesh->vertex_count; v++)
         normalise(mesh->normal[v]);
-    free(header);
+    free(header.elements);
 }

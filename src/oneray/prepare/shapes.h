@@ -140,8 +140,10 @@ static bool at_the_edge(const Description *d, const Shape *flat, const Extent *b
         EmitterTraits traits = emitter_traits(light);
         if (traits.from == FROM_AFAR || traits.from == FROM_AROUND)
             return false;
-        if (traits.position)
-            see_side(&sides, normal, offset, traits.position, traits.position);
+        if (traits.position) {
+            Extent ball = ball_extent(traits.position, traits.radius);
+            see_side(&sides, normal, offset, ball.low, ball.high);
+        }
     }
     see_side(&sides, normal, offset, sensor.origin, sensor.origin);
     return !(sides.below && sides.above);

@@ -76,16 +76,6 @@ static const Num (*numbers_of(Scene *scene, double (*from)[3], size_t count))[3]
 #endif
 }
 
-static Bounds bounds_of_triangle(const Triangles *triangles, int i)
-{
-    Bounds bounds = bounds_empty();
-    for (int c = 0; c < 3; c++) {
-        const Num *p = triangles->vertex[triangles->corner[i][c]];
-        bounds_join(&bounds, p, p);
-    }
-    return bounds;
-}
-
 /* Has it a normal in the kernel's precision? Else no ray may meet it. */
 static int has_normal(const Triangles *triangles, int i)
 {
@@ -96,49 +86,40 @@ static int has_normal(const Triangles *triangles, int i)
     return any(vec_dot(n, n) > real(0.5));
 }
 
-static void fill_leaf(TriangleLeaf *leaf, const Triangles *triangles, const BvhItem *items, int count)
+static void fill_leaf(TriangleLeaf *leaf, const Triangles *triangles, const int32_t *ids, int count)
 {
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < LEAF_TRIANGLES; k++) {
         leaf->slot[k] = -1;
-        for (int c = 0; c < 3 && k < count; c++)
+        if (k >= count || !has_normal(triangles, ids[k]))
+            continue;
+        for (int c = 0; c < 3; c++)
             for (int i = 0; i < 3; i++)
-                leaf->corner[c][i][k] = triangles->vertex[triangles->corner[items[k].id][c]][i];
-        if (k < count)
-            leaf->slot[k] = triangles->first_slot + items[k].id;
+                leaf->corner[c][i][k] = triangles->vertex[triangles->corner[ids[k]][c]][i];
+        leaf->slot[k] = triangles->first_slot + ids[k];
     }
 }
 
-static void prepare_triangle_tree(Scene *scene, int count)
+/* The description's box in the kernel's numbers, which are rounded as its corners are. */
+static Bounds bounds_of(const TreeBox *box)
+{
+    Bounds bounds;
+    store(bounds.low, box->low);
+    store(bounds.high, box->high);
+    return bounds;
+}
+
+static void prepare_triangle_tree(Scene *scene, const MeshTree *tree)
 {
     Triangles *triangles = &scene->shapes.triangles;
-    Bounds all = bounds_empty();
-    BvhItem *items = allocate((size_t)count, sizeof *items);
-    int used = 0;
-    for (int i = 0; i < count; i++) {
-        Bounds bounds = bounds_of_triangle(triangles, i);
-        bounds_join(&all, bounds.low, bounds.high);
+    const Bvh *bvh = &tree->bvh;
+    Bounds all = bounds_of(&tree->all), *of_leaf = allocate((size_t)bvh->leaf_count, sizeof *of_leaf);
+    triangles->leaves = keep(scene, (size_t)bvh->leaf_count, sizeof *triangles->leaves);
+    for (int n = 0; n < bvh->leaf_count; n++) {
+        of_leaf[n] = bounds_of(&tree->leaf[n]);
+        fill_leaf(&triangles->leaves[n], triangles, tree->triangle + bvh->leaves[n][0], bvh->leaves[n][1]);
     }
-    for (int i = 0; i < count; i++) {
-        Bounds bounds = bounds_of_triangle(triangles, i);
-        if (has_normal(triangles, i))
-            set_item(&items[used++], &bounds, &all, i);
-    }
-    Bvh bvh = bvh_build(items, used, 8);
-    Bounds *of_leaf = allocate((size_t)bvh.leaf_count, sizeof *of_leaf);
-    triangles->leaves = keep(scene, (size_t)bvh.leaf_count, sizeof *triangles->leaves);
-    for (int n = 0; n < bvh.leaf_count; n++) {
-        const BvhItem *first = items + bvh.leaves[n][0];
-        of_leaf[n] = bounds_empty();
-        fill_leaf(&triangles->leaves[n], triangles, first, bvh.leaves[n][1]);
-        for (int k = 0; k < bvh.leaves[n][1]; k++) {
-            Bounds bounds = bounds_of_triangle(triangles, first[k].id);
-            bounds_join(&of_leaf[n], bounds.low, bounds.high);
-        }
-    }
-    free(items);
-    prepare_nodes(scene, &triangles->tree, &bvh, of_leaf, &all);
+    prepare_nodes(scene, &triangles->tree, bvh, of_leaf, &all);
     free(of_leaf);
-    bvh_free(&bvh);
 }
 
 static void prepare_triangles(Scene *scene, const Description *d, const int *first_slot)
@@ -159,7 +140,7 @@ static void prepare_triangles(Scene *scene, const Description *d, const int *fir
     triangles->uv = (const float(*)[2])d->mesh.uv;
     triangles->turned = d->mesh.turned;
     triangles->first_slot = scene->shapes.slot_count;
-    prepare_triangle_tree(scene, d->mesh.triangle_count);
+    prepare_triangle_tree(scene, &d->mesh_tree);
 }
 
 /* Beyond this many shapes other than meshes a tree beats the loop over all. */

@@ -1,5 +1,6 @@
 /* From the elements of a scene file to a Description: each plugin by its own table (kinds.h), and here what holds
    others. */
+#include "scene/hints.h"
 #include "scene/xml.h"
 
 #include <stdio.h>
@@ -399,5 +400,7 @@ Description *description_read(const char *file, const Parameter *given, int coun
     read_scene(&builder, scene->root);
     check_lengths(d, file);
     scene_file_close(scene);
+    d->mesh_tree = mesh_tree_build(&d->mesh);
+    d->hinted = scene_hints(d, file);
     return d;
 }

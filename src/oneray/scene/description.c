@@ -84,6 +84,7 @@ void description_free(Description *description)
     free(description->shapes);
     free(description->emitters);
     mesh_free(&description->mesh);
+    mesh_tree_free(&description->mesh_tree);
     for (int i = 0; i < description->mesh_file_count; i++)
         free(description->mesh_files[i]);
     free(description->mesh_files);

@@ -8,6 +8,7 @@
 #include "kinds/sensors.h"
 #include "kinds/shapes.h"
 #include "meshes/mesh.h"
+#include "trees/mesh_tree.h"
 
 enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind */
 
@@ -68,10 +69,12 @@ typedef struct {
     Shape *shapes;
     int shape_count;
     Mesh mesh;         /* the triangles of all meshes, one after the other */
+    MeshTree mesh_tree;
     char **mesh_files; /* that were read */
     int mesh_file_count;
     Emitter *emitters;
     int emitter_count;
+    bool hinted;   /* it was said why the picture may be black */
     uint64_t hash; /* FNV-1a of the bytes of the file and of its mesh files, and the sorted -D parameters */
 } Description;
 

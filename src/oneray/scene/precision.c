@@ -4,15 +4,18 @@
    known to u M. What matters of it is its share of the smallest thing that the light depends on: the size of a
    shape, a gap between two, the height of a light over a plane, a pixel. Limits are set so that each share is
    below 1e-3, and its part in a pixel's value, where such errors are random and the share of the picture is
-   small, below 1e-5. Anything unusual is left to double. */
+   small, below 1e-5. Surfaces closer than the rounding itself are in one place, and only where it does not matter
+   which of them a ray meets (gaps.c). Anything unusual is left to double. */
 #include "scene/precision.h"
+
+#include "scene/gaps.h"
 
 #include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #define SMALLEST_SIZE (1.0 / 1024) /* of M: half the side of a shape, the radius of a sphere */
 #define SMALLEST_GAP (1.0 / 8192)  /* of M: between shapes, a light and a plane; how slim a mesh may be in the mean */
+#define TOUCH (2.0 / (1 << 24))    /* of M: closer surfaces are in one place */
 #define DIMMEST 1e-12
 #define BRIGHTEST 1e12
 #define RANGE 1e6                  /* of the brightest light over the dimmest */
@@ -46,9 +49,11 @@ static double reach_of(const Description *d, double *extent)
     scene_bounds(d, low, high);
     *extent = fmax(high[0] - low[0], fmax(high[1] - low[1], high[2] - low[2]));
     reach = fmax(extent_of(sensor_traits(&d->sensor).origin), fmax(extent_of(low), extent_of(high)));
-    for (int i = 0; i < d->emitter_count; i++)
+    for (int i = 0; i < d->emitter_count; i++) {
+        EmitterTraits traits = emitter_traits(&d->emitters[i]);
         if (is_point(&d->emitters[i]))
-            reach = fmax(reach, extent_of(emitter_traits(&d->emitters[i]).position));
+            reach = fmax(reach, extent_of(traits.position) + traits.radius);
+    }
     return reach;
 }
 
@@ -130,104 +135,31 @@ static bool odd_size(const Description *d, double reach, Reason reason)
     return false;
 }
 
-/* Along the plane's normal, from it to the point. */
-static double height_over(const Side *plane, const double p[3])
+/* Lights in a point, or in a ball, close to a plane; of a mesh's triangles those count that are as large as they are
+   far from it, and not beyond a twelfth of the scene, from where a light so low adds nothing that shows. */
+static bool odd_height(const Description *d, double reach, double limit, Reason reason)
 {
-    double up[3];
-    difference(p, plane->middle, up);
-    return dot(plane->normal, up);
-}
-
-/* Lights in a point close to a plane. */
-static bool odd_height(const Description *d, double limit, Reason reason)
-{
-    for (int i = 0; i < d->shape_count; i++) {
-        Side plane = shape_side(&d->shapes[i], 0);
-        for (int k = 0; k < d->emitter_count && shape_planes(d->shapes[i].kind); k++) {
-            const Emitter *light = &d->emitters[k];
-            if (is_point(light) && fabs(height_over(&plane, emitter_traits(light).position)) < limit)
-                return because(reason, "line %d: a light in the plane of line %d", light->line, d->shapes[i].line);
+    for (int k = 0; k < d->emitter_count; k++) {
+        const Emitter *light = &d->emitters[k];
+        EmitterTraits traits = emitter_traits(light);
+        int line = 0;
+        for (int i = 0; i < d->shape_count && is_point(light) && !line; i++) {
+            Side plane = shape_side(&d->shapes[i], 0);
+            double up[3];
+            difference(traits.position, plane.middle, up);
+            if (shape_planes(d->shapes[i].kind) && fabs(dot(plane.normal, up)) < limit + traits.radius)
+                line = d->shapes[i].line;
         }
+        if (line || (is_point(light) && near_triangles(d, traits.position, limit + traits.radius, reach / 12, &line)))
+            return because(reason, "line %d: a light in the plane of line %d", light->line, line);
     }
     return false;
 }
 
-/* A shape as the search for gaps sees it: its box, and the planes of a rectangle, disk or cube. */
-typedef struct {
-    const Shape *shape;
-    Extent box;
-    int plane_count;
-    Side planes[6];
-} Body;
-
-static Body body_of(const Shape *shape)
+static bool odd_gap(const Description *d, double reach, double limit, Reason reason)
 {
-    Body body = {.shape = shape, .box = shape_extent(shape), .plane_count = shape_planes(shape->kind)};
-    for (int k = 0; k < body.plane_count; k++)
-        body.planes[k] = shape_side(shape, k);
-    return body;
-}
-
-/* Is it a sphere that shines, and near the other? Of a solid's planes it is from the farthest that it is below. */
-static bool shines_near(const Body *ball, const Body *other, double limit)
-{
-    const Sphere *sphere = &ball->shape->as.sphere;
-    double height = 0;
-    if (ball->shape->kind != SHAPE_SPHERE || ball->shape->emitter < 0)
-        return false;
-    if (other->plane_count == 1)
-        return fabs(fabs(height_over(other->planes, sphere->center)) - sphere->radius) < 8 * limit;
-    for (int k = 0; k < other->plane_count; k++)
-        height = fmax(height, height_over(&other->planes[k], sphere->center));
-    return height - sphere->radius < 8 * limit;
-}
-
-/* Do two planes nearly coincide? What does coincide is no gap. */
-static bool nearly_coincide(const Side *a, const Side *b, double limit)
-{
-    double height = fabs(height_over(a, b->middle));
-    return fabs(dot(a->normal, b->normal)) > 0.999 && height > 0 && height < limit;
-}
-
-/* A sphere that shines may not come near anything, boxes may not nearly touch, planes not nearly coincide. */
-static bool narrow(const Body *a, const Body *b, double limit)
-{
-    double gap = 0;
-    for (int axis = 0; axis < 3; axis++)
-        gap = fmax(gap, fmax(a->box.low[axis] - b->box.high[axis], b->box.low[axis] - a->box.high[axis]));
-    if (gap > 0)
-        return gap < limit;
-    bool found = shines_near(a, b, limit) || shines_near(b, a, limit);
-    for (int i = 0; i < a->plane_count; i++)
-        for (int k = 0; k < b->plane_count; k++)
-            found = found || nearly_coincide(&a->planes[i], &b->planes[k], limit);
-    return found;
-}
-
-static int by_low(const void *a, const void *b)
-{
-    double p = ((const Body *)a)->box.low[0], q = ((const Body *)b)->box.low[0];
-    return (p > q) - (p < q);
-}
-
-/* By a sweep along x. */
-static bool odd_gap(const Description *d, double limit, Reason reason)
-{
-    int count = d->shape_count;
-    Body *bodies = allocate((size_t)count, sizeof *bodies);
-    bool found = false;
-    for (int i = 0; i < count; i++)
-        bodies[i] = body_of(&d->shapes[i]);
-    qsort(bodies, (size_t)count, sizeof *bodies, by_low);
-    for (int i = 0; i < count && !found; i++)
-        for (int k = i + 1; k < count && bodies[k].box.low[0] <= bodies[i].box.high[0] + limit && !found; k++)
-            if (narrow(&bodies[i], &bodies[k], limit)) {
-                int one = bodies[i].shape->line, other = bodies[k].shape->line;
-                found = because(reason, "a gap between the shapes of lines %d and %d", one < other ? one : other,
-                    one < other ? other : one);
-            }
-    free(bodies);
-    return found;
+    Gap gap = {.limit = limit, .touch = TOUCH * reach};
+    return find_narrow_gap(d, &gap) && because(reason, "a gap between the shapes of lines %d and %d", gap.one, gap.other);
 }
 
 static bool odd_reach(const Description *d, double reach, double extent, Reason reason)
@@ -244,7 +176,7 @@ const char *precision_for(const Description *d, char *text, int size)
     double extent = 0, reach = reach_of(d, &extent), gap = SMALLEST_GAP * reach;
     if (odd_sensor(&d->sensor, reason) || odd_material(d, reason) || odd_reach(d, reach, extent, reason)
         || odd_range(d, reach, reason) || odd_light(d, reach, reason) || odd_size(d, reach, reason)
-        || odd_height(d, gap, reason) || odd_gap(d, gap, reason))
+        || odd_height(d, reach, gap, reason) || odd_gap(d, reach, gap, reason))
         return "double";
     because(reason, "no small size, narrow gap, long path or extreme light");
     return "single";

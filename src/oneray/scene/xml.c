@@ -234,7 +234,7 @@ static void XMLCALL on_doctype(void *data, const char *name, const char *system,
 
 char *read_file(const char *file, size_t most_mib, const Place *named_by, size_t *size)
 {
-    FILE *stream = fopen(file, "rb");
+    FILE *stream = named_by || strcmp(file, "-") ? fopen(file, "rb") : stdin;
     char *bytes = NULL;
     *size = 0;
     for (size_t got = 1, room = 0; stream && got > 0; *size += got) {

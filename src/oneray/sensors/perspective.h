@@ -49,7 +49,10 @@ static inline SensorTraits perspective_traits(const Perspective *s, int width, i
     double half[2];
     perspective_extent(s, (double)width / height, half);
     column(&s->to_world, 3, traits.origin);
+    column(&s->to_world, 2, traits.axis);
+    normalise(traits.axis);
     traits.pixel = fmin(2 * half[0] / width, 2 * half[1] / height);
+    traits.cosine = 1 / hypot(1, hypot(half[0], half[1]));
     return traits;
 }
 

@@ -38,12 +38,12 @@ static inline Side mesh_side(const MeshShape *s, int k)
 static inline Extent mesh_measure(const MeshShape *s)
 {
     Extent e = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}, HUGE_VAL, HUGE_VAL};
-    double third[3], across = 0, longest = 0;
+    double a[3], b[3], third[3], normal[3], across = 0, longest = 0;
     for (int k = 0; k < s->triangle_count; k++) {
-        Side side = mesh_side(s, k);
-        difference(side.y, side.x, third);
-        across += side.across;
-        longest += fmax(length(side.x), fmax(length(side.y), length(third)));
+        triangle_edges(s->all, s->first_triangle + k, 0, a, b, normal);
+        difference(b, a, third);
+        across += norm(normal);
+        longest += fmax(norm(a), fmax(norm(b), norm(third)));
         for (int c = 0; c < 9; c++) {
             double x = s->all->vertex[s->all->triangle[s->first_triangle + k][c / 3]][c % 3];
             e.low[c % 3] = fmin(e.low[c % 3], x);
@@ -74,7 +74,11 @@ static inline void mesh_check(void *plugin, Said *said)
     s->filename.bytes = NULL;
     if (!mesh.triangle_count)
         die_at(file, 1, "the mesh has no faces");
-    mesh_finish(&mesh, file, &s->placed.to_world, s->placed.flip_normals, s->face_normals);
+    if (!mesh_finish(&mesh, file, &s->placed.to_world, s->placed.flip_normals, s->face_normals)) {
+        said->left_out = "none of this mesh's triangles has an area: it is left out";
+        mesh_free(&mesh);
+        return;
+    }
     if (all->triangle_count > MESH_MOST - mesh.triangle_count || all->vertex_count > MESH_MOST - mesh.vertex_count)
         fail(said, "the scene's meshes have more than %d triangles or vertices", MESH_MOST);
     s->all = all;

@@ -69,3 +69,13 @@ static inline Extent placed_extent(const Placed *shape, bool flat)
     }
     return e;
 }
+
+static inline Extent ball_extent(const double center[3], double radius)
+{
+    Extent e = {.least = radius, .height = HUGE_VAL};
+    for (int i = 0; i < 3; i++) {
+        e.low[i] = center[i] - radius;
+        e.high[i] = center[i] + radius;
+    }
+    return e;
+}

@@ -39,15 +39,7 @@ static inline Side sphere_side(const Sphere *s, int k)
     (void)k;
     return (Side){{s->center[0], s->center[1], s->center[2]}, {r, 0, 0}, {0, r, 0}, {0}, r * r, 4 * PI * (r * r)};
 }
-static inline Extent sphere_extent(const Sphere *s)
-{
-    Extent e = {.least = s->radius, .height = HUGE_VAL};
-    for (int i = 0; i < 3; i++) {
-        e.low[i] = s->center[i] - s->radius;
-        e.high[i] = s->center[i] + s->radius;
-    }
-    return e;
-}
+static inline Extent sphere_extent(const Sphere *s) { return ball_extent(s->center, s->radius); }
 
 #ifdef LANES
 

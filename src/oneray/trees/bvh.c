@@ -105,16 +105,15 @@ static void try_axis(const Build *build, const Part *part, int axis, float low, 
 static int divide(const Build *build, const Part *part, int level)
 {
     Division best = {-1, 0, FLT_MAX, 0, 0};
-    for (int axis = 0; axis < 3 && level < HALVING_LEVEL; axis++) {
-        float low = FLT_MAX, high = -FLT_MAX;
-        for (int i = part->first; i < part->first + part->count; i++) {
-            float x = middle(&build->items[i], axis);
-            low = x < low ? x : low;
-            high = x > high ? x : high;
-        }
-        if (high > low)
-            try_axis(build, part, axis, low, high, &best);
+    Box middles = nothing;
+    for (int i = part->first; i < part->first + part->count; i++) {
+        const BvhItem *item = &build->items[i];
+        const float p[3] = {middle(item, 0), middle(item, 1), middle(item, 2)};
+        enclose(&middles, p, p);
     }
+    for (int axis = 0; axis < 3 && level < HALVING_LEVEL; axis++)
+        if (middles.high[axis] > middles.low[axis])
+            try_axis(build, part, axis, middles.low[axis], middles.high[axis], &best);
     if (best.axis < 0)
         return part->count / 2;
     int first = part->first, last = part->first + part->count - 1;

@@ -1,7 +1,11 @@
 """What can go wrong in a way that its user can mend: each error is one plain sentence."""
 
 
-class RenderError(Exception):
+class PlainError(Exception):
+    """The sentence; the command line prints it and ends with exit status 2."""
+
+
+class RenderError(PlainError):
     """A renderer that gave no usable image: one plain sentence."""
 
 
@@ -13,19 +17,23 @@ class RenderLate(RenderError):
     """A picture that took longer than it may: none, where an assignment says so."""
 
 
-class NotFound(Exception):
+class CannotRender(RenderError):
+    """A renderer that says, by exit status 77, that it cannot render the scene."""
+
+
+class NotFound(PlainError):
     """A renderer that cannot be started at all, or a request that makes no sense: nothing can be judged."""
 
 
-class ImageError(Exception):
+class ImageError(PlainError):
     """A file that is not a usable image; one line that names the file."""
 
 
-class PatchError(Exception):
+class PatchError(PlainError):
     """A patch that no longer applies, or sources that it breaks: one line."""
 
 
-class ReferenceError_(ValueError):
+class ReferenceError_(PlainError, ValueError):
     """A scene or reference that is missing, stale or unreadable: one line that says what to do."""
 
 

@@ -25,6 +25,23 @@ def tree(root: int) -> Iterator[int]:
                 waiting += map(int, (thread / "children").read_text().split())
 
 
+SHELLS = frozenset({"sh", "bash", "dash", "ksh", "zsh"})
+
+
+def windows_lines(words: Sequence[str], folder: Path = Path()) -> str:
+    """The end of a sentence about a command that failed in a folder, where the script or the Makefile that it
+    runs has line ends that a shell takes for letters; else nothing.
+    """
+    program, script = words[0], next((word for word in words[1:] if not word.startswith("-")), "")
+    is_shell, is_make = Path(program).name in SHELLS, Path(program).name == "make"
+    name = script if is_shell else "Makefile" if is_make else program
+    with contextlib.suppress(OSError, ValueError), (folder / name).open("rb") as file:
+        head = file.read(1 << 16)
+        if b"\r\n" in head and (is_shell or is_make or head.startswith(b"#!")):
+            return f"; {name} has the line ends of Windows (CRLF): save it with those of Unix (LF)"
+    return ""
+
+
 class Process(Protocol):
     """What ending a process takes; subprocess.Popen is one."""
 

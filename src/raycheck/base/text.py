@@ -1,11 +1,88 @@
-"""Numbers for people."""
+"""Words and numbers for people, and what stands in for their signs on an output that has ASCII alone."""
 
+import codecs
+import difflib
+import io
 import json
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any
+import re
+import unicodedata
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, TextIO
 
-import numpy as np
+ASCII = "raycheck-ascii"
+STAND_INS = "raycheck-stand-ins"
+"""The name of an error handler of codecs: a sign that the encoding lacks becomes ASCII."""
+SIGNS = {
+    "−": "-", "–": "-", "—": "-", "±": "+/-", "…": "...", "×": "x", "·": "*", "⋅": "*", "∞": "inf",
+    "√": "sqrt", "≤": "<=", "≥": ">=",
+    "≠": "!=", "≈": "~", "∝": "~", "→": "->", "←": "<-", "“": '"', "”": '"', "„": '"',
+    "‘": "'", "’": "'", "°": " degrees", "½": "1/2", "¼": "1/4", "¾": "3/4", "∫": "integral", "∪": "or",
+    "∩": "and", "⟨": "<", "⟩": ">", "▲": "^", "▼": "v", "━": "-", "╸": "-", "╺": "-", "•": "*", "ø": "o",
+    "Ø": "O", "ß": "ss", "æ": "ae", "Æ": "AE", "ł": "l", "Ł": "L",
+}  # fmt: skip
+
+
+def stand_in(sign: str) -> str:
+    """ASCII for a character: its entry of SIGNS, the name of a Greek letter, "^2" for a superscript, the
+    letter without its accent; "?" where there is none.
+    """
+    if sign in SIGNS:
+        return SIGNS[sign]
+    name = unicodedata.name(sign, "")
+    if name.startswith("GREEK") and " LETTER " in name:
+        letter = name.split(" LETTER ")[1].split()[0]
+        return letter.capitalize() if " CAPITAL " in name else letter.lower()
+    if unicodedata.combining(sign):
+        return ""
+    plain = "".join(x if x.isascii() else SIGNS.get(x, "") for x in unicodedata.normalize("NFKD", sign))
+    raised = unicodedata.decomposition(sign).startswith("<super>")
+    return f"^{plain}" if plain and raised else plain or "?"
+
+
+def _stand_ins(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Bytes of a file name that are no text in this encoding came as surrogates, and go out as they came."""
+    assert isinstance(error, UnicodeEncodeError)
+    sign = error.object[error.start]
+    if "\udc80" <= sign <= "\udcff":
+        return bytes([ord(sign) - 0xDC00]), error.start + 1
+    return stand_in(sign), error.start + 1
+
+
+codecs.register_error(STAND_INS, _stand_ins)
+
+
+def _ascii(name: str) -> codecs.CodecInfo | None:
+    """ASCII by another name: click takes a stream of that encoding for one whose system means UTF-8."""
+    of = codecs.lookup("ascii")
+    if name != ASCII.replace("-", "_"):
+        return None
+    return codecs.CodecInfo(
+        of.encode, of.decode, of.streamreader, of.streamwriter, of.incrementalencoder, of.incrementaldecoder,
+        name=ASCII,
+    )  # fmt: skip
+
+
+codecs.register(_ascii)
+
+
+def use_stand_ins(stream: TextIO) -> None:
+    """Let ASCII stand in for what the stream's encoding lacks, whoever writes to it."""
+    plain = codecs.lookup(stream.encoding).name == "ascii"
+    assert isinstance(stream, io.TextIOWrapper)
+    stream.reconfigure(encoding=ASCII if plain else None, errors=STAND_INS)
+
+
+def as_printed(words: str, stream: TextIO) -> str:
+    """The text as the stream shows it."""
+    encoding = stream.encoding or "ascii"
+    return words.encode(encoding, STAND_INS).decode(encoding, "replace")
+
+
+def nearest(word: str, known: Collection[str]) -> str:
+    """"; did you mean NAME?" for a known name that is like the word, else nothing."""
+    found = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean {found[0]}?" if found else ""
 
 
 def percent(value: float) -> str:
@@ -19,6 +96,11 @@ def percent(value: float) -> str:
 
 def signed(value: float) -> str:
     return ("+" if value >= 0 else "−") + percent(value)
+
+
+def one_line(text: str) -> str:
+    """Control characters, and bytes of a file's name that are no text, as escapes."""
+    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]", lambda found: repr(found[0])[1:-1], text)
 
 
 def last_words(said: str) -> str:
@@ -37,9 +119,9 @@ def duration(seconds: float) -> str:
 
 def number(value: float) -> str:
     """Three digits: "0.0123", "1.00", "45.6", "1,230"."""
-    if value == 0 or not np.isfinite(value):
+    if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "∞"
-    decimals = int(max(0, 2 - np.floor(np.log10(abs(value)) + 1e-12)))
+    decimals = max(0, 2 - math.floor(math.log10(abs(value)) + 1e-12))
     if value >= 1000:
         return f"{float(f'{value:.3g}'):,.0f}"
     return f"{value:.{min(decimals, 8)}f}"

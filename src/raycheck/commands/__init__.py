@@ -1,10 +1,13 @@
 """The commands, a module each: raycheck NAME is the function NAME of commands/NAME.py, or its Typer app.
 
-In come words of a command line. A command parses them, calls a public function of a package, prints what
-comes out and ends with an exit status: 0, 1 if something is wrong, 2 if nothing could be judged, 3 if it
-stays open. Its module is imported when it is called, and imports what it needs alone.
+In come words of a command line. A command reads them, calls a public function of a package, prints what
+comes out and ends with an exit status of `base.statuses`. Its module is imported when its words are read, and
+imports at its top only what reads them; what does the work is imported when it is done, so that --help,
+--version and a wrong word take no time.
 
-options      those that several commands share
-support      errors on one line, the terminal, a progress bar
-grade_check  raycheck grade --check
+app      the command line as a whole
+edge     errors, bugs and interruptions in a line and an exit status
+options  options that several commands share
+support  the terminal, tables, a progress bar
+work     what a command does where that is more than a call
 """

@@ -15,7 +15,6 @@ from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
 from raycheck.calibration import mutants
 from raycheck.calibration.mutants import Mutant
-from raycheck.commands.support import plain_errors
 from raycheck.renderers import pools
 from raycheck.scene import variants
 
@@ -57,14 +56,13 @@ def run_nulls(
     """False alarms: correct renderers judged with fresh seeds, and p-values that should be even."""
     from raycheck.calibration import nulls
 
-    with plain_errors():
-        file = _ready(work) / "nulls.jsonl"
-        for found in nulls.measure_nulls(file, sets, pool=_pool(jobs, dask)):
-            failed = [found.outcomes.count("FAIL"), found.whole == "FAIL"]
-            typer.echo(f"{found.configuration} {found.index}: {'FALSE ALARM' if any(failed) else 'no alarm'}")
-        summary = nulls.summary(file)
-        summary.pop("power")
-        _put("nulls", summary, json_file)
+    file = _ready(work) / "nulls.jsonl"
+    for found in nulls.measure_nulls(file, sets, pool=_pool(jobs, dask)):
+        failed = [found.outcomes.count("FAIL"), found.whole == "FAIL"]
+        print(f"{found.configuration} {found.index}: {'FALSE ALARM' if any(failed) else 'no alarm'}")
+    summary = nulls.summary(file)
+    summary.pop("power")
+    _put("nulls", summary, json_file)
 
 
 @app.command()
@@ -73,11 +71,10 @@ def mde(work: Folder = LINES, json_file: Result = None) -> None:
     from raycheck.calibration import nulls
     from raycheck.calibration.lines import read_lines
 
-    with plain_errors():
-        file = work / "nulls.jsonl"
-        if not read_lines(file):
-            raise NotFound(f"{file}: there are no images yet; run raycheck calibrate nulls first")
-        _put("mde", nulls.summary(file)["power"], json_file)
+    file = work / "nulls.jsonl"
+    if not read_lines(file):
+        raise NotFound(f"{file}: there are no images yet; run raycheck calibrate nulls first")
+    _put("mde", nulls.summary(file)["power"], json_file)
 
 
 @app.command(name="mutants")
@@ -91,13 +88,12 @@ def run_mutants(
     """Kill rate, beside the rules of other projects on the same images."""
     from raycheck.calibration import kills
 
-    with plain_errors():
-        wanted, file = _wanted(names), _ready(work) / "kills.jsonl"
-        for found in kills.measure_kills(file, wanted, _pool(jobs, dask)):
-            rules = [rule for rule, rejected in found[0].rejected.items() if rejected]
-            effect = "no image" if found[0].effect is None else f"{found[0].effect:.3g} detectable biases"
-            typer.echo(f"{found[0].name} ({effect}): rejected by {', '.join(rules) or 'none'}")
-        _put("mutants", kills.summary(file, wanted), json_file)
+    wanted, file = _wanted(names), _ready(work) / "kills.jsonl"
+    for found in kills.measure_kills(file, wanted, _pool(jobs, dask)):
+        rules = [rule for rule, rejected in found[0].rejected.items() if rejected]
+        effect = "no image" if found[0].effect is None else f"{found[0].effect:.3g} detectable biases"
+        print(f"{found[0].name} ({effect}): rejected by {', '.join(rules) or 'none'}")
+    _put("mutants", kills.summary(file, wanted), json_file)
 
 
 @app.command(name="signatures")
@@ -105,11 +101,10 @@ def run_signatures(work: Folder = WORK) -> None:
     """Signature images of the mistakes, into references/signatures."""
     from raycheck.calibration import signatures
 
-    with plain_errors():
-        wanted = _wanted(None)
-        for pair in signatures.render_pairs(_ready(work) / "signatures", wanted):
-            typer.echo(f"{pair.mutant.name} on {pair.scene}")
-        typer.echo(str(signatures.write_signatures(work / "signatures", wanted)))
+    wanted = _wanted(None)
+    for pair in signatures.render_pairs(_ready(work) / "signatures", wanted):
+        print(f"{pair.mutant.name} on {pair.scene}")
+    print(str(signatures.write_signatures(work / "signatures", wanted)))
 
 
 @app.command(name="parts")
@@ -117,9 +112,8 @@ def run_parts(scenes: Scenes = None) -> None:
     """What each light, path length and surface adds to a scene's image, into references/parts."""
     from raycheck.calibration import part_making
 
-    with plain_errors():
-        for scene in part_making.write(scenes or variants.scene_names()):
-            typer.echo(scene)
+    for scene in part_making.write(scenes or variants.scene_names()):
+        print(scene)
 
 
 @app.command(name="naming")
@@ -127,8 +121,7 @@ def run_naming(work: Folder = WORK, json_file: Result = None) -> None:
     """How often a mistake is called by its name, by the images that `signatures` made."""
     from raycheck.calibration import naming
 
-    with plain_errors():
-        _put("naming", naming.summary(work / "signatures", _wanted(None)), json_file)
+    _put("naming", naming.summary(work / "signatures", _wanted(None)), json_file)
 
 
 @app.command(name="gradings")
@@ -146,12 +139,11 @@ def run_gradings(
     from raycheck.grading.jail.sandbox import Tier
     from raycheck.grading.judge import Grader
 
-    with plain_errors():
-        asked = gradings.quick(read_assignment(assignment))
-        grader, file = Grader.prepare(asked, Tier.NONE), _ready(work) / "gradings.jsonl"
-        for found in gradings.measure(file, grader, count, _pool(jobs, dask)):
-            typer.echo(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
-        _put("gradings", gradings.summary(file, asked), json_file)
+    asked = gradings.quick(read_assignment(assignment))
+    grader, file = Grader.prepare(asked, Tier.NONE), _ready(work) / "gradings.jsonl"
+    for found in gradings.measure(file, grader, count, _pool(jobs, dask)):
+        print(f"{found.index}: {'; '.join(found.reasons) or 'no failure'}")
+    _put("gradings", gradings.summary(file, asked), json_file)
 
 
 def _pool(jobs: int | None, dask: str | None) -> pools.Pool | None:
@@ -179,4 +171,4 @@ def _put(section: str, figures: object, json_file: Path | None) -> None:
     found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     text = json.dumps({**found, section: figures}, indent=1, ensure_ascii=False) + "\n"
     write_whole(path, text)
-    typer.echo(json.dumps(figures, indent=1, ensure_ascii=False))
+    print(json.dumps(figures, indent=1, ensure_ascii=False))

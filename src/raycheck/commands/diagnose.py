@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 
 from raycheck.base.errors import NotFound
+from raycheck.base.statuses import Status
 from raycheck.commands.options import RendererCommand
-from raycheck.commands.support import make_console, plain_errors
-from raycheck.judging.inspection import of_files, of_renderer, report, write_map
+from raycheck.commands.support import Output
 
 
 def diagnose(
@@ -27,13 +27,14 @@ def diagnose(
     """The three likeliest mistakes behind a wrong image, or that none of the known ones explains it. Exit
     status 1 if something is wrong, else 0.
     """
-    with plain_errors():
-        if bool(images) == bool(renderer):
-            raise NotFound("diagnose needs either IMAGE files or --renderer CMD")
-        found = of_renderer(renderer, scene) if renderer else of_files(images or [], scene)
-        if map_file and found.worst:
-            write_map(map_file, *found.worst)
-        text, wrong = report(found)
-    console = make_console()
+    if bool(images) == bool(renderer):
+        raise NotFound("diagnose needs either IMAGE files or --renderer CMD")
+    from raycheck.judging.inspection import of_files, of_renderer, report, write_map
+
+    found = of_renderer(renderer, scene) if renderer else of_files(images or [], scene)
+    if map_file and found.worst:
+        write_map(map_file, *found.worst)
+    text, wrong = report(found)
+    console = Output()
     console.print(text, markup=False, highlight=False, soft_wrap=True)
-    raise typer.Exit(1 if wrong else 0)
+    raise typer.Exit(Status.FAIL if wrong else Status.DONE)

@@ -6,9 +6,6 @@ from typing import Annotated
 import typer
 
 from raycheck.commands.options import Assigned
-from raycheck.commands.support import plain_errors
-from raycheck.grading.assignment import read_assignment
-from raycheck.grading.handout import write_handout
 
 
 def handout(
@@ -16,8 +13,10 @@ def handout(
     output: Annotated[Path, typer.Option("-o", metavar="DIR", help="A new folder.")],
 ) -> None:
     """Make the students' starting point: oneray without the bodies of the functions that the tasks name."""
-    with plain_errors():
-        left = write_handout(read_assignment(assignment), output)
+    from raycheck.grading.assignment import read_assignment
+    from raycheck.grading.handout import write_handout
+
+    left = write_handout(read_assignment(assignment), output)
     for function in left:
-        typer.echo(f"{function.path.name}:{function.line}: {function.name}")
-    typer.echo(f"{output}: {len(left)} functions are left to the students, as README.md there says")
+        print(f"{function.path.name}:{function.line}: {function.name}")
+    print(f"{output}: {len(left)} functions are left to the students, as README.md there says")

@@ -24,7 +24,10 @@ RendererCommand = Annotated[
     typer.Option(metavar="CMD", help="This command, with {output} and where it can {scene} {spp} {seed}."),
 ]
 Pictures = Annotated[
-    str | None, typer.Option(metavar="GLOB", help="Judge pictures of one SCENE that are already rendered.")
+    str | None,
+    typer.Option(
+        metavar="GLOB[:LAYER]", help="Judge pictures of one SCENE that are already rendered, or their LAYER."
+    ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write all figures here.")]
 JunitFile = Annotated[
@@ -34,9 +37,11 @@ Seconds = Annotated[
     float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
 ]
 Delta = Annotated[
-    float,
+    float | None,
     typer.Option(
-        min=1e-4, max=0.5, help="A PASS means: the image within this of the reference, tiles within 5 times."
+        min=1e-4,
+        max=0.5,
+        help="A PASS means: the image within this of the reference, 0.01 by default, tiles within 5 times.",
     ),
 ]
 Thorough = Annotated[bool, typer.Option("--thorough", help="As many samples as the committed result has.")]

@@ -6,14 +6,11 @@ from enum import StrEnum
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
-from raycheck.base.text import duration, percent
 from raycheck.commands import options
-from raycheck.commands.support import make_console, parse_settings, plain_errors
-from raycheck.scene import variants
-from raycheck.truth import making, mitsuba, references
+from raycheck.commands.support import parse_settings
+
+DRIFT_SECONDS = 10.0
 
 
 class Maker(StrEnum):
@@ -35,66 +32,52 @@ def reference(
         float, typer.Option(min=1, help="About how long each may take, even if its errors are larger then.")
     ] = math.inf,
     image_error: Annotated[
-        float, typer.Option(help="Relative standard error of the image to reach.")
-    ] = making.Goal.image,
+        float | None,
+        typer.Option(min=1e-9, help="Relative standard error of the image to reach, 1e-4 by default."),
+    ] = None,
     tile_error: Annotated[
-        float, typer.Option(help="The same of 90 % of its 8×8 tiles; twice that beside a closed form.")
-    ] = making.Goal.tile,
+        float | None,
+        typer.Option(
+            min=1e-9,
+            help="The same of 90 % of its 8×8 tiles, 5e-4 by default; twice that beside a closed form.",
+        ),
+    ] = None,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Threads or processes, one a core by default.")
     ] = None,
     closed_forms: Annotated[
         bool, typer.Option("--closed-forms", help="Instead: evaluate those of the canonical scenes anew.")
     ] = False,
+    drift: Annotated[
+        bool,
+        typer.Option(
+            "--drift",
+            help="Instead: how far this version of Mitsuba renders what the references show; --seconds for "
+            "each, 10 by default. Exit status 1 where one differs, 3 where noise hides too much.",
+        ),
+    ] = False,
 ) -> None:
     """Make the reference of a scene, after a time estimate. Those of your own scene files go into a folder
     "references" beside them.
     """
-    goal = making.Goal(image=image_error, tile=tile_error, checked_tile=2 * tile_error, most_seconds=seconds)
+    parameters = parse_settings(settings)
+    from raycheck.commands.work import reference as work
+    from raycheck.truth import making, references
+
     if closed_forms:
         for label in references.keep_closed_forms():
-            typer.echo(label)
+            print(label)
         return
-    with plain_errors():
-        wanted = _wanted_references(scenes, parse_settings(settings), every)
-        if not wanted:
-            typer.echo("all references are fresh")
-            return
-        _make_references(wanted, by, goal, jobs or os.cpu_count() or 1)
-
-
-def _wanted_references(
-    scenes: list[str] | None, parameters: dict[str, str], every: bool
-) -> list[variants.Variant]:
-    if not scenes:
-        found = variants.ladder()
-        return found if every else [variant for variant in found if not references.is_fresh(variant)]
-    return [variants.variant(scene, parameters) for scene in scenes]
-
-
-def _make_references(wanted: list[variants.Variant], by: Maker, goal: making.Goal, jobs: int) -> None:
-    """Plan all, say how long it will take, then render the short ones first."""
-    variant = mitsuba.choose_variant() if by is Maker.MITSUBA else ""
-    console = make_console()
-    work = []
-    for of in wanted:
-        renderer = mitsuba.MitsubaBatches(of, variant, jobs) if variant else making.OnerayBatches(of, jobs)
-        checked = references.closed_form(of) is not None
-        plan = making.make_plan(renderer, goal, checked)
-        work.append((of, renderer, plan))
-        console.print(f"{of.label}: {plan.spp} samples per pixel, about {duration(plan.seconds)}")
-    total = sum(plan.seconds for _, _, plan in work)
-    console.print(f"about {duration(total)} in all")
-    batches = sum(plan.spp // goal.spp_per_batch for _, _, plan in work)
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=batches)
-        for of, renderer, plan in sorted(work, key=lambda job: job[2].seconds):
-            bar.update(task, description=of.label)
-            entry = making.make_reference(of, renderer, plan, goal, lambda: bar.advance(task))
-            console.print(
-                f"{of.label}: {entry['batches']} batches, {duration(entry['seconds'])}, standard error "
-                f"{percent(entry['image_error'])} of the image and "
-                f"{percent(entry['tile_error_p90'])} of nine tenths of the tiles: "
-                f"{of.folder / of.label}.exr",
-                soft_wrap=True,
-            )
+    if drift:
+        if by is not Maker.MITSUBA:
+            raise typer.BadParameter("--drift is of Mitsuba alone")
+        each = seconds if math.isfinite(seconds) else DRIFT_SECONDS
+        raise typer.Exit(work.drift(scenes, parameters, each, jobs))
+    standard = making.Goal()
+    tile = tile_error or standard.tile
+    goal = making.Goal(image_error or standard.image, tile, checked_tile=2 * tile, most_seconds=seconds)
+    wanted = work.wanted(scenes, parameters, every)
+    if wanted:
+        work.make(wanted, by, goal, jobs or os.cpu_count() or 1)
+    else:
+        print("all references are fresh")

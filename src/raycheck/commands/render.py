@@ -7,18 +7,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import duration
-from raycheck.commands.support import parse_settings, plain_errors
-from raycheck.renderers import pools, shards
+from raycheck.commands.support import Output, parse_settings
+from raycheck.renderers import pools
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique as named_technique
 
 
-@plain_errors()
 def render(
     scene: Annotated[str, typer.Argument(help="A scene's name, label such as furnace@depth=2, or file.")],
     output: Annotated[Path, typer.Option("-o", metavar="PICTURE", help="An .exr, .pfm or .png.")],
@@ -51,10 +49,13 @@ def render(
     if exposure and output.suffix.lower() != ".png":
         raise NotFound(f"--exposure is of a .png: {output} holds the radiance as it is")
     of = variants.variant(scene, parse_settings(settings))
-    work = shards.Work(of.path, of.parameters, (*_chosen(technique), *(options or ())), seed)
+    chosen = named_technique(technique).options if technique else ()
+    from raycheck.renderers import shards
+
+    work = shards.Work(of.path, of.parameters, (*chosen, *(options or ())), seed)
     kept = folder or output.with_name(f"{output.name}.shards")
     started = time.monotonic()
-    console = Console(stderr=True)
+    console = Output(stderr=True)
     columns = (TextColumn(output.name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)
@@ -72,12 +73,4 @@ def render(
     total = len(shards.ranges(spp))
     found = f" ({total - new} were there)" if new < total else ""
     took = duration(math.ceil(time.monotonic() - started))
-    typer.echo(f"{output}: {spp} samples per pixel in {total} parts{found}, {took}")
-
-
-def _chosen(technique: str | None) -> tuple[str, ...]:
-    """oneray's options for a technique; NotFound with the names there are."""
-    try:
-        return named_technique(technique).options if technique else ()
-    except KeyError as error:
-        raise NotFound(error.args[0]) from None
+    print(f"{output}: {spp} samples per pixel in {total} parts{found}, {took}")

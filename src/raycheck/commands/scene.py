@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from raycheck.commands import options
-from raycheck.commands.support import parse_settings, plain_errors
-from raycheck.scene import code, export, variants
+from raycheck.commands.support import parse_settings
+from raycheck.scene import variants
 
 
 class Form(StrEnum):
@@ -23,14 +23,17 @@ def scene(
     form: Annotated[Form, typer.Option("--as", help="How to write it.")] = Form.TEXT,
 ) -> None:
     """Print a scene for a renderer without an XML parser: the camera's corner rays, primitives in world
-    space, linear colours, and what the renderer must support. The JSON's schema is scene.schema.json.
+    space, linear colours, and what the renderer must support. The JSON's schema is scene.schema.json. What
+    cannot be printed is refused with its line.
     """
-    with plain_errors():
-        data = export.export(variants.variant(name, parse_settings(settings)))
+    of = variants.variant(name, parse_settings(settings))
+    from raycheck.scene import code, export
+
+    data = export.export(of)
     if form is Form.JSON:
-        typer.echo(export.to_json(data), nl=False)
+        print(export.to_json(data), end="")
     elif form is Form.TEXT:
-        typer.echo(code.text(data), nl=False)
+        print(code.text(data), end="")
     else:
         language = code.CPP if form is Form.CPP else code.RUST
-        typer.echo(code.source(data, language), nl=False)
+        print(code.source(data, language), end="")

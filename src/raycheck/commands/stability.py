@@ -6,17 +6,10 @@ import typer
 
 from raycheck.base.files import write_whole
 from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.statuses import Status
 from raycheck.commands import options
-from raycheck.commands.support import (
-    command_line,
-    make_console,
-    make_table,
-    plain_errors,
-    progress_bar,
-    writable,
-)
-from raycheck.measuring.stability import sweeps, tables
-from raycheck.measuring.stability.results import to_json
+from raycheck.commands.edge import command_line
+from raycheck.commands.support import Columns, Output, progress_bar, writable
 
 
 def stability(
@@ -32,20 +25,21 @@ def stability(
     """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
     status 1 if oneray misses a goal.
     """
+    from raycheck.measuring.stability import sweeps, tables
+    from raycheck.measuring.stability.results import to_json
+
     writable(json_file)
-    with progress_bar("sweeping") as on_case, plain_errors():
+    with progress_bar("sweeping") as on_case:
         wanted = sweeps.cases_named(cases or ())
         results = sweeps.run(wanted, quick, seed, on_case)
-    table = make_table(tables.COLUMNS[:4], wrap=False)
-    for name in tables.COLUMNS[4:]:
-        table.add_column(name)
+    table = Columns(tables.COLUMNS, wrap=tables.COLUMNS[4:])
     for result in results:
         table.add_row(*tables.row(result), style=None if result.holds() else "red")
-    make_console().print(table)
+    table.show(Output())
     missed = [result.case for result in results if not result.holds()]
     met = "all that was swept holds" if quick else f"all {len(results)} goals are met"
-    make_console().print(f"goals missed: {', '.join(missed)}" if missed else met)
+    Output().print(f"goals missed: {', '.join(missed)}" if missed else met)
     if json_file:
         header = {"raycheck": raycheck_version(), "machine": machine(), "command": command_line()}
         write_whole(json_file, to_json(results, header))
-    raise typer.Exit(1 if missed else 0)
+    raise typer.Exit(Status.FAIL if missed else Status.DONE)

@@ -1,44 +1,81 @@
-"""What the commands share: errors in one line, the terminal, a bar that shows how far a long run is."""
+"""What the commands share: the terminal, tables that fit it, a bar that shows how far a long run is."""
 
-import shlex
+import os
+import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-import typer
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, JustifyMethod
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
-from raycheck.base.errors import ImageError, NotFound, PatchError, ReferenceError_, RenderError
+from raycheck.base.errors import NotFound
+from raycheck.base.text import as_printed
 
-
-def make_console() -> Console:
-    """Standard output: as wide as the terminal, or wide enough for the table in a pipe."""
-    return Console() if sys.stdout.isatty() else Console(width=140, color_system=None)
-
-
-def make_table(columns: Iterable[str], right: Iterable[str] = (), wrap: bool = True) -> Table:
-    """A table without lines; columns of `right`, which hold numbers, stand to the right."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in columns:
-        table.add_column(name, justify="right" if name in right else "left", no_wrap=not wrap)
-    return table
+PIPE = (140, 50)
+"""Characters of a line, and lines, where there is no terminal."""
 
 
-@contextmanager
-def plain_errors() -> Iterator[None]:
-    """One line on standard error and exit status 2 where nothing could be judged."""
-    try:
-        yield
-    except (NotFound, ReferenceError_, ImageError, RenderError, PatchError) as error:
-        typer.echo(f"raycheck: {error}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("raycheck: interrupted", err=True)
-        raise typer.Exit(130) from None
+class Output(Console):
+    """Standard output or error: as wide as the terminal, or wide enough for most tables in a pipe."""
+
+    def __init__(self, stderr: bool = False) -> None:
+        there = (sys.stderr if stderr else sys.stdout).isatty()
+        width, height = shutil.get_terminal_size(PIPE) if there else PIPE
+        super().__init__(
+            width=width, height=height, color_system="auto" if there else None, stderr=stderr, emoji=False
+        )
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError  # its own exit status would be 1
+
+
+class Columns:
+    """A table without lines. Where it is wider than the terminal, each row becomes lines of a name and a
+    value: no number is cut.
+    """
+
+    def __init__(self, names: Iterable[str], right: Iterable[str] = (), wrap: Iterable[str] = ()) -> None:
+        """Numbers stand to the `right`; the cells of `wrap` may be broken between words."""
+        self.names, self.rows = list(names), list[tuple[list[str], str | None]]()
+        self.right, self.wrap = set(right), set(wrap)
+
+    def add_row(self, *cells: str, style: str | None = None) -> None:
+        self.rows.append((list(cells), style))
+
+    def show(self, console: Console) -> None:
+        shown = [[Text.from_markup(as_printed(cell, sys.stdout)) for cell in cells] for cells, _ in self.rows]
+        table = Table(box=None, pad_edge=False, header_style="bold")
+        for index, name in enumerate(self.names):
+            header = as_printed(name, sys.stdout)
+            justify: JustifyMethod = "right" if name in self.right else "left"
+            table.add_column(header, justify=justify, no_wrap=name not in self.wrap)
+            if name not in self.wrap:
+                cells = [row[index].cell_len for row in shown if index < len(row)]
+                table.columns[index].min_width = max([cell_len(header), *cells])
+        for row, (_, style) in zip(shown, self.rows, strict=True):
+            table.add_row(*row, style=style)
+        if table.__rich_measure__(console, console.options.update(max_width=10_000)).minimum <= console.width:
+            console.print(table)
+        else:
+            self._stack(console, shown)
+
+    def _stack(self, console: Console, shown: Sequence[Sequence[Text]]) -> None:
+        for index, (row, (_, style)) in enumerate(zip(shown, self.rows, strict=True)):
+            one = Table.grid(padding=(0, 2, 0, 0), pad_edge=False)
+            one.add_column(no_wrap=True)
+            one.add_column(overflow="fold")
+            for name, cell in zip(self.names, row, strict=False):
+                if cell:
+                    one.add_row(as_printed(name, sys.stdout), cell, style=style)
+            if index:
+                console.print()
+            console.print(one)
 
 
 def parse_settings(settings: list[str] | None) -> dict[str, str]:
@@ -52,9 +89,8 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
 
 def writable(path: Path | None) -> None:
     """Say before a long run, not after it, that its result cannot be written."""
-    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
-        typer.echo(f"raycheck: {path}: there is no such folder, or it is one", err=True)
-        raise typer.Exit(2)
+    if path is not None and (path.is_dir() or not Path(os.path.realpath(path)).parent.is_dir()):
+        raise NotFound(f"{path}: there is no such folder, or it is one")
 
 
 COLOURS = {"PASS": "green", "FAIL": "bold red", "INCONCLUSIVE": "yellow"}
@@ -69,15 +105,10 @@ class Done(Protocol):
     def technique(self) -> str: ...
 
 
-def command_line() -> str:
-    """The one that was typed, for whoever reads its result."""
-    return shlex.join(["raycheck", *sys.argv[1:]])
-
-
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[Done, int], None] | None]:
     """A progress bar with the time left on a terminal's standard error, nothing in a pipe."""
-    console = Console(stderr=True)
+    console = Output(stderr=True)
     if not console.is_terminal:
         yield None
         return

@@ -1,30 +1,12 @@
 """raycheck verify: judge a renderer, and show the table of verdicts."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import typer
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
-from raycheck.base.text import duration, percent, signed
 from raycheck.commands import options
-from raycheck.commands.support import (
-    COLOURS,
-    make_console,
-    make_table,
-    parse_settings,
-    plain_errors,
-    progress_bar,
-    writable,
-)
-from raycheck.judging import sentences
-from raycheck.judging.cases import Case, Verification
-from raycheck.judging.junit import junit_xml
-from raycheck.judging.verify import verify as run_verification
-from raycheck.stats.verdict import Limits, Outcome
-
-TILE_LIMITS = Limits.tile / Limits.image
+from raycheck.commands.support import parse_settings, progress_bar, writable
+from raycheck.scene import techniques, variants
 
 
 def verify(
@@ -36,7 +18,7 @@ def verify(
     json_file: options.JsonFile = None,
     junit: options.JunitFile = None,
     seconds: options.Seconds = None,
-    delta: options.Delta = Limits.image,
+    delta: options.Delta = None,
     thorough: options.Thorough = False,
     resume: options.Resume = False,
     seed: options.Seed = 0,
@@ -49,87 +31,35 @@ def verify(
     """
     writable(json_file)
     writable(junit)
-    with progress_bar("verifying") as on_case, plain_errors():
-        if thorough and seconds is not None:
-            raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
-        if resume and json_file is None:
-            raise NotFound("--resume goes on with the run in --json FILE: name it")
-        going_on = resume and json_file is not None and json_file.is_file()
+    if thorough and seconds is not None:
+        raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
+    if resume and json_file is None:
+        raise NotFound("--resume goes on with the run in --json FILE: name it")
+    parameters = parse_settings(settings)
+    for scene in scenes or ():
+        variants.variant(scene, parameters)
+    for name in technique or ():
+        techniques.technique(name)
+    from raycheck.commands.work import verify as work
+    from raycheck.judging.cases import Verification
+    from raycheck.judging.junit import junit_xml
+    from raycheck.judging.verify import verify as run_verification
+    from raycheck.stats.verdict import Limits
+
+    standard = Limits()
+    limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
+    going_on = resume and json_file is not None and json_file.is_file()
+    with progress_bar("verifying") as on_case:
         kept = Verification.read(json_file).cases if going_on and json_file else []
         result = run_verification(
-            renderer, scenes or (), parameters=parse_settings(settings), techniques=technique or (),
+            renderer, scenes or (), parameters=parameters, techniques=technique or (),
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
-            limits=Limits(image=delta, tile=TILE_LIMITS * delta),
-            earlier=kept, on_case=_saving(json_file, kept, on_case) if thorough else on_case,
+            limits=limits, earlier=kept,
+            on_case=work.saving(json_file, kept, on_case) if thorough else on_case,
         )  # fmt: skip
-    show(result)
+    work.show(result)
     if json_file:
         write_whole(json_file, result.to_json())
     if junit:
         write_whole(junit, junit_xml(result))
     raise typer.Exit(result.exit_status)
-
-
-def show(result: Verification) -> None:
-    """The table of verdicts, and a sentence for each that is not PASS."""
-    console = make_console()
-    figures = ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds")
-    table = make_table(("scene", "technique", "verdict", *figures), right=figures, wrap=False)
-    for case in result.cases:
-        table.add_row(case.scene, case.technique, f"[{COLOURS[case.verdict]}]{case.verdict}[/]", *_row(case))
-    console.print(table)
-    for case in result.cases:
-        if case.verdict is not Outcome.PASS:
-            console.print()
-            console.print(
-                f"{case.scene}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
-            )
-            console.print(
-                case.reason[:1].upper() + case.reason[1:] + ".", markup=False, highlight=False, soft_wrap=True
-            )
-    totals = result.header.get("totals", {})
-    counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
-    seen = [case.mde_image for case in result.cases if case.mde_image is not None]
-    sentence = f"{counts} in {duration(float(totals.get('seconds', 0.0)))}"
-    if seen:
-        sentence += f"; a bias of {percent(max(seen))} of the image mean would have been noticed everywhere"
-    console.print()
-    console.print(sentence + ".", highlight=False)
-    console.print(_judged_against(result.cases), highlight=False, soft_wrap=True)
-    for line in sentences.left_out(result.header.get("left_out", {})):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-
-
-def _judged_against(cases: list[Case]) -> str:
-    """Says which scenes have a closed form, which outranks Mitsuba, and which do not."""
-    closed = sorted({case.scene for case in cases if case.closed_form})
-    rendered = sorted({case.scene for case in cases if not case.closed_form})
-    parts = [f"closed forms: {', '.join(closed)}"] if closed else []
-    parts += [f"Mitsuba's references: {', '.join(rendered)}"] if rendered else []
-    return f"Judged against {'; '.join(parts)}."
-
-
-def _row(case: Case) -> list[str]:
-    last = [str(case.spp or ""), f"{case.seconds:.1f}"]
-    figures = (case.bias, case.bias_low, case.bias_high, case.mde_image, case.mde_tile_p90)
-    known = [figure for figure in figures if figure is not None]
-    if len(known) < len(figures):
-        return ["", "", "", "", *last]
-    bias, low, high, image, tiles = known
-    return [signed(bias), f"{signed(low)} … {signed(high)}", percent(image), percent(tiles), *last]
-
-
-def _saving(
-    path: Path | None, kept: list[Case], on_case: Callable[[Case, int], None] | None
-) -> Callable[[Case, int], None]:
-    """Writes each verdict as it comes, beside those kept: a long run can be interrupted and resumed."""
-    done: dict[tuple[str, str], Case] = {(case.scene, case.technique): case for case in kept}
-
-    def save(case: Case, total: int) -> None:
-        done[case.scene, case.technique] = case
-        if path:
-            write_whole(path, Verification(list(done.values())).to_json())
-        if on_case:
-            on_case(case, total)
-
-    return save

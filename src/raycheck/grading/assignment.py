@@ -97,7 +97,7 @@ class Assignment:
 def read_assignment(path: Path) -> Assignment:
     """NotFound with the file, the place and what would be right."""
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
+        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise NotFound(f"{path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

@@ -45,10 +45,10 @@ def write_handout(assignment: Assignment, target: Path) -> list[Function]:
         work = Path(place) / "handout"
         shutil.copytree(ROOT / SOURCES, work / SOURCES)
         left = [_leave_out(work / SOURCES, name, tasks) for name, tasks in _named(assignment).items()]
-        (work / "Makefile").write_text(_makefile(), encoding="utf-8")
-        (work / "raycheck.toml").write_text(MANIFEST, encoding="utf-8")
-        (work / "render.sh").write_text(_script(assignment.tasks), encoding="utf-8")
-        (work / "README.md").write_text(_readme(assignment, left), encoding="utf-8")
+        (work / "Makefile").write_text(_makefile(), encoding="utf-8", newline="\n")
+        (work / "raycheck.toml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+        (work / "render.sh").write_text(_script(assignment.tasks), encoding="utf-8", newline="\n")
+        (work / "README.md").write_text(_readme(assignment, left), encoding="utf-8", newline="\n")
         _copy_scenes(assignment, work / "scenes")
         if target.exists():
             target.rmdir()
@@ -71,7 +71,7 @@ def _leave_out(sources: Path, name: str, tasks: Sequence[str]) -> Function:
     why = f"not implemented: {name}, for {', '.join(tasks)}"
     literal = re.sub(r'([\\"])', r"\\\1", why).replace("%", "%%")
     text = f'{text[: function.begin]}{{\n    die("{literal}");\n}}{text[function.end :]}'
-    function.path.write_text(_including(text, "message.h"), encoding="utf-8")
+    function.path.write_text(_including(text, "message.h"), encoding="utf-8", newline="\n")
     return function
 
 

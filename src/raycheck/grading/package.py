@@ -29,14 +29,20 @@ def write_package(grader: Grader, path: Path) -> None:
         raise NotFound(f"{path}: there is no such folder, or it is one")
     with tempfile.TemporaryDirectory(prefix="raycheck-package-") as place:
         folder = Path(place)
-        for name in SCRIPTS:
-            shutil.copy(TEMPLATES / "gradescope" / name, folder)
-            (folder / name).chmod(0o755)
+        copy_scripts(folder)
         _copy_raycheck(folder)
         bundle_oneray(folder / "oneray")
         copy_assignment(grader.assignment, folder)
         with whole(path) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
             write_all(archive, folder)
+
+
+def copy_scripts(folder: Path) -> None:
+    """With the line ends of Unix, whatever git made of them."""
+    for name in SCRIPTS:
+        script = (TEMPLATES / "gradescope" / name).read_bytes()
+        (folder / name).write_bytes(script.replace(b"\r\n", b"\n"))
+        (folder / name).chmod(0o755)
 
 
 def _copy_raycheck(folder: Path) -> None:
@@ -53,4 +59,4 @@ def _copy_raycheck(folder: Path) -> None:
     information.mkdir()
     (information / "METADATA").write_text(whole.read_text("METADATA") or "", encoding="utf-8")
     needed = [line for line in whole.requires or () if "extra ==" not in line]
-    (folder / "requirements.txt").write_text("\n".join(needed) + "\n", encoding="utf-8")
+    (folder / "requirements.txt").write_text("\n".join(needed) + "\n", encoding="utf-8", newline="\n")

@@ -10,11 +10,12 @@ from typing import Protocol
 
 from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
+from raycheck.base.processes import windows_lines
 from raycheck.base.text import last_words
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail
-from raycheck.renderers.commands import TakesPlaceholders, split_command
+from raycheck.renderers.commands import TakesPlaceholders, refuse_unknown, split_command
 from raycheck.renderers.renderer import Renderer, Rendering
 from raycheck.scene import document, export
 from raycheck.scene.reader import read_scene
@@ -92,6 +93,9 @@ class Tried(Renderer, Protocol):
     def has_time(self, spp: int, more: int, pictures: int) -> bool: ...
 
 
+PLACEHOLDERS = ("output", "scene", "json", "name", "task", "spp", "seed")
+
+
 @dataclass
 class Program(Taken, TakesPlaceholders):
     """The run command on one scene; a renderer as raycheck.verify takes it."""
@@ -112,6 +116,7 @@ class Program(Taken, TakesPlaceholders):
     def __post_init__(self) -> None:
         try:
             self.words = split_command(self.command)
+            refuse_unknown(self.words, PLACEHOLDERS, "the run command")
         except NotFound as error:
             raise RenderError(str(error)) from None
         if not self.takes("{output}"):
@@ -167,7 +172,7 @@ class Program(Taken, TakesPlaceholders):
                 raise RenderTimeout(OVER)
             if done.problem:
                 kind = RenderLate if done.late else RenderError
-                raise kind(f"no picture (seed {seed}): {done.problem}")
+                raise kind(f"no picture (seed {seed}): {done.problem}{windows_lines(words, self.folder)}")
             image = take_picture(
                 output, private, limits.output_mb << 20, self.size, self.decoder, last_words(done.said)
             )
@@ -182,4 +187,6 @@ def build(jail: Jail, folder: Path, command: str) -> str:
         return ""
     words = ["/bin/sh", "-c", command]
     done = jail.run(words, seconds=jail.limits.build_seconds, folder=folder, writable=True)
-    return f"the build failed: {done.problem}" if done.problem else ""
+    if not done.problem:
+        return ""
+    return f"the build failed: {done.problem}{windows_lines(command.split(), folder)}"

@@ -239,7 +239,7 @@ def _manifest(folder: Path) -> Submission:
     if not path.is_file():
         return Submission(folder)
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
+        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SubmissionError(f"{MANIFEST} is not TOML: {error}") from None
     wrong = [key for key, value in found.items() if key not in KEYS or not isinstance(value, str)]

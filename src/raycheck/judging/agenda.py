@@ -1,6 +1,7 @@
 """What a run of verify judges: cases of a scene and a technique, and which were left out and why."""
 
 import re
+import shutil
 import subprocess
 import tempfile
 from collections import Counter
@@ -74,10 +75,8 @@ def oneray_agenda(
     depths, with oneray's default technique.
     """
     oneray = oneray_path()
-    try:
-        chosen = [technique(name) for name in techniques]
-    except KeyError as error:
-        raise NotFound(error.args[0]) from None
+    chosen = [technique(name) for name in techniques]
+    _require_rendered(oneray, scenes)
     agenda = Agenda()
     pairs = []
     found = False
@@ -109,6 +108,25 @@ def oneray_agenda(
     return agenda
 
 
+def _require_rendered(oneray: Path, scenes: Sequence[Variant]) -> None:
+    """NotFound, once for a scene whatever is asked of it, with what oneray says where it renders no pixel."""
+    refused = []
+    for of in scenes:
+        if of.canonical and not of.parameters:
+            continue
+        command = oneray_command(oneray, ("--crop", "0,0,1,1"), of.parameters)
+        with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
+            words = command.arguments(of.path, Path(folder) / "out.exr", 1, 1)
+            done = subprocess.run(
+                words, capture_output=True, text=True, errors="surrogateescape", check=False
+            )
+        if done.returncode == 2:
+            lines = [line for line in done.stderr.splitlines() if not line.startswith("oneray: warning: ")]
+            refused.append(f"oneray cannot render {of.label}: {'; '.join(lines)}")
+    if refused:
+        raise NotFound("; ".join(refused))
+
+
 def renderer_agenda(
     renderer: str | Callable[[Path, int, int], ArrayLike] | Renderer,
     scenes: Sequence[Variant], folder: Path, *, explicit: bool,
@@ -133,6 +151,17 @@ def write_variant(of: Variant, folder: Path) -> Path:
     path = folder / f"{re.sub(r'[^-@=,.+A-Za-z0-9_]', '_', of.label)}.xml"
     document.write(of.document().moved(lambda mesh: str(mesh.resolve())), path)
     return path
+
+
+def kept_scene(task: Task, said: str) -> str:
+    """A scene file that was written for this run is kept where a sentence names it, which then names the
+    copy: its command can be repeated.
+    """
+    if task.path == task.of.path or str(task.path) not in said:
+        return said
+    copy = Path(tempfile.mkdtemp(prefix="raycheck-scene-")) / task.path.name
+    shutil.copy(task.path, copy)
+    return said.replace(str(task.path), str(copy))
 
 
 def _names(scenes: Sequence[Variant]) -> str:

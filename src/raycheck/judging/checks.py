@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.images import Image
+from raycheck.base.images import Image, Window
 from raycheck.truth.expected import Truth
 
 SHARED = 0.5
@@ -30,12 +30,19 @@ OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
 """Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
 
 
-def size_problem(image: Image, height: int, width: int) -> str | None:
+def size_problem(image: Image, height: int, width: int, part: Window | None = None) -> str | None:
+    """Other pixels than those of an image of that size, or than that part of a larger one."""
     found = image.pixels.shape
-    if found[:2] == (height, width):
+    if found[:2] == (height, width) and image.window == part:
         return None
     turned = ", width and height are swapped" if found[:2] == (width, height) else ""
-    return f"the image is {found[1]}×{found[0]} pixels, the scene asks for {width}×{height}{turned}"
+    size = f"{found[1]}×{found[0]} pixels{_place_of(image.window)}"
+    asked = f"{width}×{height}{_place_of(part)}"
+    return f"the image is {size}, the scene asks for {asked}{turned if width != height else ''}"
+
+
+def _place_of(part: Window | None) -> str:
+    return f" at column {part.x}, row {part.y} of {part.width}×{part.height}" if part else ""
 
 
 def number_problem(image: Image) -> str | None:
@@ -88,7 +95,9 @@ def shared_noise(images: Array, filtered: bool = False) -> str | None:
     noise -= noise.mean(axis=0)
     size = noise.std(axis=0)
     noise = np.where(varies, noise / np.where(size > 0, size, 1.0), 0.0)
-    of_seeds = np.tensordot(noise, noise, axes=([1, 2], [1, 2])) / varies.sum()
+    of_seeds = np.tensordot(noise, noise, axes=([1, 2], [1, 2]))
+    length = np.sqrt(of_seeds.diagonal())
+    of_seeds /= np.maximum(np.outer(length, length), 1e-30)
     np.fill_diagonal(of_seeds, 0.0)
     if of_seeds.max() > SHARED:
         one, other = sorted(np.unravel_index(int(of_seeds.argmax()), of_seeds.shape))

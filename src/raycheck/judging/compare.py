@@ -61,7 +61,7 @@ def compare(first: Path | str, second: Path | str, limits: Limits = Limits()) ->
             raise NotFound(f"{path}: no channels stderr.R, stderr.G, stderr.B, so its noise is not known")
     height, width = a.pixels.shape[:2]
     for path, image in ((first, a), (second, b)):
-        problem = checks.number_problem(image) or checks.size_problem(image, height, width)
+        problem = checks.number_problem(image) or checks.size_problem(image, height, width, a.window)
         if problem:
             return Comparison(str(first), str(second), Outcome.FAIL, f"{path}: {problem}")
     return _judge(str(first), str(second), a, b, limits)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from raycheck.base.arrays import Array
+from raycheck.base.images import is_whole
 from raycheck.judging import checks, sentences
 from raycheck.judging.cases import Case
 from raycheck.judging.explanations import NOTHING, explain
@@ -33,12 +34,11 @@ def conclude(
         if precision != "float" and not explained.convention:  # of coarse images gross mistakes alone
             explained = NOTHING
     sentence = sentences.reason(found, regions, seconds, explained, lights)
-    if precision == "8-bit" and found.outcome is Outcome.PASS:
+    if is_whole(precision) and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
-        return (
-            found,
-            "8 bits cannot show that an image is right: no gross mistake was seen; write EXR or PFM to pass",
-        )
+        bits = precision.replace("-bit", " bits")
+        seen = "no gross mistake was seen; write EXR or PFM to pass"
+        return found, f"{bits} cannot show that an image is right: {seen}"
     if precision != "float":
         sentence += f"; the images are {precision}, so that biases below their rounding are not seen"
     return found, sentence

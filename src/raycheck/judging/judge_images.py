@@ -1,6 +1,5 @@
 """Pictures that are already rendered, even a single one."""
 
-import glob
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from raycheck.base.arrays import Array
 from raycheck.base.errors import ImageError, NotFound
-from raycheck.base.images import Image, load_image
+from raycheck.base.images import Image, find_images, is_whole, load_image
 from raycheck.base.text import signed
 from raycheck.judging import checks
 from raycheck.judging.cases import Case
@@ -34,7 +33,7 @@ FEWEST_IMAGES = 6
 def image_paths(images: str | Sequence[str | Path]) -> list[Path]:
     """The files of a glob, or those named; NotFound where no file matches."""
     if isinstance(images, str):
-        paths = [Path(p) for p in sorted(glob.glob(images))]  # noqa: PTH207 (absolute patterns too)
+        paths = find_images(images)
         if not paths:
             raise NotFound(f"--images {images!r}: no file matches")
         return paths
@@ -70,7 +69,7 @@ def judge_pictures(
     coarse = next((image for image in loaded if image.precision != "float"), loaded[0])
     content = read_content(of.path, of.parameters)
     residuals = images - truth.mean
-    if coarse.precision == "8-bit":  # what is brighter than white cannot be compared
+    if is_whole(coarse.precision):  # what is brighter than white cannot be compared
         residuals = np.where(images > 0.99, images - np.clip(truth.mean, 0, 1), residuals)
     shown = partial(look, template_name(of), images, truth, content.lights)
     mistake = gross_mistake(images, truth, shown())

@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
+from raycheck.base.errors import CannotRender, RenderError, RenderLate, RenderTimeout
 from raycheck.judging import checks
-from raycheck.judging.agenda import Task
+from raycheck.judging.agenda import Task, kept_scene
 from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
@@ -39,7 +39,9 @@ METHOD = 1
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    """Render and judge one case; `taken` are the seeds of the reference."""
+    """Render and judge one case; `taken` are the seeds of the reference. Raises CannotRender where the
+    renderer says that it cannot render the scene.
+    """
     rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
     case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded, provenance=rests)
     technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
@@ -53,13 +55,20 @@ def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Ca
         return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
     except RenderLate as error:
         return case(Outcome.FAIL, str(error), late=True)
+    except CannotRender:
+        raise
     except RenderError as error:
-        return case(Outcome.FAIL, str(error))
+        return case(Outcome.FAIL, kept_scene(task, str(error)))
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[ThreadPoolExecutor]:
-    """A thread pool that drops what is waiting as soon as something goes wrong."""
+def _pool(jobs: int) -> Iterator[ThreadPoolExecutor | None]:
+    """A thread pool that drops what is waiting as soon as something goes wrong; none for a single job, which
+    this thread does.
+    """
+    if jobs == 1:
+        yield None
+        return
     pool = ThreadPoolExecutor(jobs)
     try:
         yield pool
@@ -74,14 +83,15 @@ class _Renders:
     task: Task
     truth: Truth
     settings: Settings
-    pool: ThreadPoolExecutor
+    pool: ThreadPoolExecutor | None
     labels: list[str] = field(default_factory=list)
     digests: list[str] = field(default_factory=list)
 
     def render(self, spp: int, seeds: Sequence[int]) -> tuple[Array, list[Rendering]]:
         """Images of some seeds, (B, H, W, 3)."""
         task, truth, timeout = self.task, self.truth, self.settings.timeout
-        made = list(self.pool.map(lambda s: _render(task, truth, spp, s, timeout), seeds))
+        each = self.pool.map if self.pool else map
+        made = list(each(lambda s: _render(task, truth, spp, s, timeout), seeds))
         first = len(self.labels)
         self.labels.extend(
             f"seed {seed}" if task.renderer.takes_seed else f"run {first + i}" for i, seed in enumerate(seeds)

@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from raycheck.base.errors import NotFound
+from raycheck.base.errors import CannotRender, NotFound
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda
 from raycheck.judging.cases import Case, Verification
@@ -47,18 +47,23 @@ def verify(
 
     `renderer` is a command with {output} and where it can {scene} {spp} {seed}, a callable render(scene, spp,
     seed) that returns (H, W, 3) linear radiance, or None for oneray with every technique that applies (or
-    those named). `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes`
-    are canonical names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical
-    ones, of which a quick run of oneray picks cases that take in every technique and scene, and a thorough
-    one adds the scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the
-    budget of a quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference
-    are still the same. `on_case(case, cases in all)` is called after each verdict. Raises
-    `raycheck.NotFound` where nothing can be judged.
+    those named). A callable is called from this thread alone, one call after another, unless `jobs` says how
+    many threads call it at a time; what it returns is copied, so that it may be a film that the next call
+    fills again. Commands run two at a time unless `jobs` says otherwise; one that ends with exit status 77
+    cannot render the scene, which is left out.
+
+    `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes` are canonical
+    names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical ones, of which
+    a quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
+    scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
+    quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
+    same. `on_case(case, cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing
+    can be judged.
     """
     started = time.perf_counter()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes
     named = [variants.variant(scene, parameters) for scene in scenes or variants.scene_names()]
-    jobs = jobs or min(2, os.cpu_count() or 1)
+    jobs = jobs or (min(2, os.cpu_count() or 1) if isinstance(renderer, str | None) else 1)
     if images is not None:
         cases = [_judge_pictures(named, len(scenes), images, bool(renderer or techniques), limits)]
         if on_case:
@@ -102,7 +107,9 @@ def _judge_all(
     agenda: Agenda, settings: Settings, budget: float, started: float,
     on_case: Callable[[Case, int], None] | None,
 ) -> list[Case]:  # fmt: skip
-    """Judge all cases, those of a quick run within the budget in seconds."""
+    """All verdicts, a quick run's within the budget in seconds. What the renderer cannot render is left out;
+    NotFound if that is all.
+    """
     cases: list[Case] = []
     truths: dict[str, Truth] = {}
     taken: dict[str, range] = {}
@@ -117,10 +124,16 @@ def _judge_all(
             left = max(budget - (time.perf_counter() - started), 0.0) / (len(agenda.tasks) - index)
             share = min(QUICK_CASE_SECONDS, max(left, each / 2))  # what came before may not starve the rest
         timed = replace(settings, case_seconds=share)
-        case = judge_task(task, truths[task.label], taken[task.label], timed)
+        try:
+            case = judge_task(task, truths[task.label], taken[task.label], timed)
+        except CannotRender as error:
+            agenda.left_out[f"{task.label}, {task.technique}"] = str(error)
+            continue
         cases.append(_second_look(case, task, truths[task.label], taken[task.label], timed))
         if on_case:
             on_case(cases[-1], len(agenda.tasks))
+    if not cases:
+        raise NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
     return cases
 
 

@@ -13,6 +13,7 @@ that a machine whose speed drifts is slow for all, and a ratio is taken within a
 """
 
 import json
+import shlex
 import statistics
 import subprocess
 import tempfile
@@ -31,6 +32,7 @@ from raycheck.base.text import scenes_json
 from raycheck.judging.agenda import Task, oneray_agenda
 from raycheck.measuring.step import Step
 from raycheck.renderers.commands import Command
+from raycheck.renderers.renderer import repeat
 from raycheck.scene import variants
 from raycheck.scene.techniques import BASELINE, FALLBACK
 from raycheck.scene.variants import Variant
@@ -177,7 +179,8 @@ def _render(task: Task, spp: int, seed: int) -> tuple[Image, dict[str, Any]]:
             raise NotFound(f"{words[0]}: cannot be started: {error.strerror}") from None
         if done.returncode:
             said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-            raise RenderError(f"{task.label}, {task.technique}: {said}")
+            again = shlex.join(word.replace(str(output), output.name) for word in words)
+            raise RenderError(f"{task.label}, {task.technique}: {said}{repeat(spp, seed, again)}")
         return load_image(output), json.loads(done.stdout)
 
 

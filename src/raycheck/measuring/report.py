@@ -28,7 +28,7 @@ from raycheck.measuring.races.curves import Curve, SceneCurves
 from raycheck.measuring.races.curves import read as read_curves
 from raycheck.measuring.stability import plots
 from raycheck.renderers.oneray import oneray_command, oneray_path
-from raycheck.scene import variants
+from raycheck.scene import document, variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import BEST, TECHNIQUES, left_out, technique
 from raycheck.scene.variants import Variant
@@ -292,14 +292,14 @@ def stability_section(path: Path | None) -> dict[str, Any] | None:
     kept = data.references_dir() / "stability.json"
     if path is None and not kept.is_file():
         return None
-    return plots.section(path or kept)
+    compared = data.references_dir() / "precisions.json"
+    return plots.section(path or kept, compared if compared.is_file() else None)
 
 
 def _about(scene: Path) -> str:
-    """The comment at the top of a scene file."""
-    text = scene.read_text(encoding="utf-8")
-    start, end = text.find("<!--"), text.find("-->")
-    return " ".join(text[start + 4 : end].split()) if 0 <= start < end else ""
+    """The comment that a scene file begins with."""
+    first, *_ = document.comments(scene) or [""]
+    return " ".join(first.split())
 
 
 def _summary(cases: list[Mapping[str, Any]]) -> dict[str, int]:

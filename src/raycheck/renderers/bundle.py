@@ -31,6 +31,6 @@ def bundle_oneray(into: Path) -> Path:
             shutil.copy(library, into / "lib")
             loader = loader if arrow else library.name
     start = into / "oneray"
-    start.write_text(START.replace("LOADER", loader), encoding="ascii")
+    start.write_text(START.replace("LOADER", loader), encoding="ascii", newline="\n")
     start.chmod(0o755)
     return start

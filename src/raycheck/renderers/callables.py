@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike
 
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
-from raycheck.renderers.renderer import Rendering
+from raycheck.renderers.renderer import Rendering, repeat
 
 
 @dataclass(frozen=True)
 class Function:
-    """A Python callable: render(scene, spp, seed) gives (H, W, 3)."""
+    """A Python callable: render(scene, spp, seed) gives (H, W, 3). That is copied, so that it may give the
+    same array each time.
+    """
 
     function: Callable[[Path, int, int], ArrayLike]
     takes_scene: bool = True
@@ -25,9 +27,10 @@ class Function:
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         started = time.perf_counter()
         try:
-            pixels = np.asarray(self.function(scene, spp, seed), dtype=np.float64)
+            pixels = np.array(self.function(scene, spp, seed), dtype=np.float64)
         except Exception as error:
-            raise RenderError(f"{type(error).__name__}: {error}") from error
+            again = f"render(Path({str(scene)!r}), {spp}, {seed})"
+            raise RenderError(f"{type(error).__name__}: {error}{repeat(spp, seed, again)}") from error
         if pixels.ndim != 3 or pixels.shape[2] != 3:
             raise RenderError(
                 f"the callable gave an array of shape {pixels.shape}, (height, width, 3) is needed"

@@ -1,20 +1,22 @@
 """What makes images: a command, a Python callable, or files that are already there."""
 
 import os
+import re
 import shlex
 import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.base.errors import ImageError, NotFound, RenderError, RenderTimeout
+from raycheck.base.errors import CannotRender, ImageError, NotFound, RenderError, RenderTimeout
 from raycheck.base.images import load_image
-from raycheck.base.processes import end, signal_name
-from raycheck.base.text import last_words
-from raycheck.renderers.renderer import Rendering
+from raycheck.base.processes import end, signal_name, windows_lines
+from raycheck.base.statuses import Status
+from raycheck.base.text import last_words, nearest
+from raycheck.renderers.renderer import Rendering, repeat
 
 
 def split_command(command: str, windows: bool = os.name == "nt") -> list[str]:
@@ -28,6 +30,15 @@ def split_command(command: str, windows: bool = os.name == "nt") -> list[str]:
         return list(lexer)
     except ValueError as error:
         raise NotFound(f"the renderer command cannot be split: {error} in {command!r}") from None
+
+
+def refuse_unknown(words: Iterable[str], known: Collection[str], where: str) -> None:
+    """NotFound where a word has a {name} that is not known; ${name} is the shell's."""
+    for word in words:
+        for name in re.findall(r"(?<!\$)\{(\w+)\}", word):
+            if name not in known:
+                listed = " ".join(f"{{{one}}}" for one in known)
+                raise NotFound(f"{where} has {{{name}}}{nearest(name, known)}; there are {listed}")
 
 
 class TakesPlaceholders:
@@ -55,6 +66,9 @@ class TakesPlaceholders:
         return self.takes("{seed}")
 
 
+PLACEHOLDERS = ("output", "scene", "spp", "seed")
+
+
 @dataclass(frozen=True)
 class Command(TakesPlaceholders):
     """A program that writes {output}, and where it can takes {scene}, {spp} and {seed}.
@@ -70,6 +84,7 @@ class Command(TakesPlaceholders):
         if not words:
             raise NotFound("the renderer command is empty")
         found = cls(words)
+        refuse_unknown(words, PLACEHOLDERS, "the renderer command")
         if not found.takes("{output}"):
             raise NotFound("the renderer command has no {output}: say where it writes its image")
         return found
@@ -88,12 +103,17 @@ class Command(TakesPlaceholders):
             output = Path(folder) / "image.exr"
             words = self.arguments(scene, output, spp, seed)
             started = time.perf_counter()
-            _run(words, Path(folder) / "messages.txt", timeout)
-            seconds = time.perf_counter() - started
             try:
+                _run(words, Path(folder) / "messages.txt", timeout)
+                seconds = time.perf_counter() - started
                 return Rendering(load_image(_written(Path(folder), output)), seconds)
-            except ImageError as error:
-                raise RenderError(str(error).replace(folder + os.sep, "")) from None
+            except (RenderTimeout, CannotRender):
+                raise
+            except (ImageError, RenderError) as error:
+                again = shlex.join(self.arguments(scene, Path(output.name), spp, seed))
+                kind = RenderError if isinstance(error, ImageError) else type(error)
+                said = str(error).replace(folder + os.sep, "")
+                raise kind(said + repeat(spp, seed, again)) from None
 
 
 def _written(folder: Path, output: Path) -> Path:
@@ -115,7 +135,8 @@ def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
                 start_new_session=os.name == "posix",
             )  # fmt: skip
         except OSError as error:
-            raise NotFound(f"{words[0]}: cannot be started: {error.strerror or error}") from None
+            why = f"{error.strerror or error}{windows_lines(words)}"
+            raise NotFound(f"{words[0]}: cannot be started: {why}") from None
         late = threading.Event()
 
         def end_late() -> None:
@@ -135,10 +156,12 @@ def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
             timer.cancel()
     if late.is_set():
         raise RenderTimeout(f"no image after {timeout:.0f} s{_last_lines(messages)}")
+    if status == Status.CANNOT:
+        raise CannotRender(f"the renderer says that it cannot{_last_lines(messages)}")
     if status < 0:
         raise RenderError(f"ended by signal {signal_name(-status)}{_last_lines(messages)}")
     if status:
-        raise RenderError(f"exit status {status}{_last_lines(messages)}")
+        raise RenderError(f"exit status {status}{_last_lines(messages)}{windows_lines(words)}")
 
 
 def _last_lines(messages: Path) -> str:

@@ -7,6 +7,11 @@ from typing import Protocol, runtime_checkable
 from raycheck.base.images import Image
 
 
+def repeat(spp: int, seed: int, words: str) -> str:
+    """What goes wrong, goes wrong again by these words: the end of a sentence."""
+    return f" (seed {seed}, {spp} sample{'s' if spp > 1 else ''} per pixel; again: `{words}`)"
+
+
 @dataclass(frozen=True)
 class Rendering:
     image: Image

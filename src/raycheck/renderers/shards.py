@@ -9,13 +9,14 @@ import contextlib
 import hashlib
 import json
 import os
+import shlex
 import tempfile
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.base.errors import NotFound, RenderError
+from raycheck.base.errors import Lost, NotFound, RenderError
 from raycheck.base.processes import run_process
 from raycheck.renderers import builds
 from raycheck.renderers.builds import Build
@@ -108,7 +109,11 @@ def render_shard(
             oneray, Path(folder) / scene, *arguments, "--samples", f"{first}:{count}", "--film", film,
             "--quiet",
         ]  # fmt: skip
-        run_process([str(word) for word in words], hide=folder + os.sep)
+        try:
+            run_process([str(word) for word in words], hide=folder + os.sep)
+        except Lost as error:
+            again = shlex.join(str(word).replace(folder + os.sep, "") for word in words)
+            raise Lost(f"{error} (again: `{again}`)") from None
         return film.read_bytes()
 
 

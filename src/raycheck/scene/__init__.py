@@ -7,6 +7,8 @@ moved, and which of oneray's techniques apply to it.
 variants    a scene file with the values of its parameters, which a reference belongs to; the canonical scenes
 document    the one reader and writer of the XML: defaults, parameters, references by id, includes, file
             names. All that looks into a scene file does so by it
+plugins     what an element says, by oneray's tables of properties (plugins.json): all of it is asked for, or
+            an error
 reader      shapes, materials, lights and camera in double precision
 export      all primitives as plain data, for a renderer without an XML parser: the schema is
             scene.schema.json

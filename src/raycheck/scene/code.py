@@ -14,8 +14,8 @@ TABLES: dict[str, tuple[str, dict[str, str]]] = {
     "Material": (
         "materials",
         {
-            "type": NAME, "two_sided": FLAG, "reflectance": VECTOR, "eta": VECTOR, "k": VECTOR,
-            "alpha": NUMBER,
+            "type": NAME, "two_sided": FLAG, "reflectance": VECTOR, "transmittance": VECTOR, "eta": VECTOR,
+            "k": VECTOR, "alpha": NUMBER,
             "weight_of_second": NUMBER, "first": INTEGER, "second": INTEGER,
         },
     ),
@@ -160,6 +160,10 @@ def source(data: Mapping[str, Any], language: Language) -> str:
             *((n, camera[n]) for n in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")),
             ("sky", data["sky"]),
         )
+    ] + [
+        language.constant("near_clip", NUMBER, language.value(camera["near_clip"], NUMBER)),
+        language.constant("far_clip", NUMBER, language.value(camera["far_clip"], NUMBER)),
+        language.constant("hide_emitters", FLAG, language.value(data["hide_emitters"], FLAG)),
     ]  # fmt: skip
     blocks = []
     for structure, table in rows(data).items():
@@ -197,6 +201,9 @@ def text(data: Mapping[str, Any]) -> str:
         f"  {name.replace('_', ' '):13}{_words(camera[name])}"
         for name in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")
     ]
+    clips = " to ".join(_words(camera[name]) for name in ("near_clip", "far_clip"))
+    lines.append(f"the camera sees what is {clips} deep along the view")
+    lines += ["the camera does not see shapes that shine, nor the sky"] if data["hide_emitters"] else []
     lines += [f"sky: {_words(data['sky'])} W/(sr m²)"] if any(data["sky"]) else []
     for index, material in enumerate(data["materials"]):
         lines.append(f"material {index}: {_described(material)}")

@@ -59,7 +59,6 @@ class SceneContent:
 
 def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> SceneContent:
     """What techniques need to know of a scene file; `parameters` replace its `<default>` values."""
-    text = scene.read_text(encoding="utf-8")
     root = document.read(scene, parameters).resolved()
 
     def setting(kind: str, name: str, default: str) -> str:
@@ -70,7 +69,7 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
     shining = [s.get("type", "") for s in root.iter("shape") if s.find("emitter") is not None]
     materials = {bsdf.get("type", "") for bsdf in root.iter("bsdf")}
     filters = [rfilter.get("type") for rfilter in root.findall("./sensor/film/rfilter")]
-    unbounded = re.search(r"^\s*Unbounded: ([-a-z, ]+):", text, re.MULTILINE)
+    unbounded = re.search(r"^\s*Unbounded: ([-a-z, ]+):", "\n".join(document.comments(scene)), re.MULTILINE)
     return SceneContent(
         lights=len(kinds), delta_lights=sum(kind in DELTA_LIGHTS for kind in kinds),
         max_depth=int(setting("integer", "max_depth", "-1")),

@@ -9,6 +9,7 @@ folder of the scene file.
 import copy
 import re
 import xml.etree.ElementTree as ElementTree
+import xml.parsers.expat as expat
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,19 @@ from pathlib import Path
 from raycheck.base.errors import ReferenceError_
 
 Element = ElementTree.Element
+
+
+class _Placed(Element):
+    """An element that knows where it stands."""
+
+    place = ""
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "_Placed":
+        twin = _Placed(self.tag, dict(self.attrib))
+        twin.text, twin.tail, twin.place = self.text, self.tail, self.place
+        twin.extend(copy.deepcopy(child, memo) for child in self)
+        return twin
+
 
 MOST_INCLUDED = 64
 """Files that a scene may include: one that includes itself would have no end."""
@@ -46,24 +60,26 @@ class Document:
         return root
 
     def names(self) -> list[str]:
-        """The names of files that it needs besides itself: what it includes, then meshes in their order."""
-        return [*self.included, *(name for _, name in self._meshes(self.root))]
+        """The names of files that it needs besides itself: what it includes, then others in their order."""
+        return [*self.included, *(name for _, _, name in self._named(self.root))]
 
     def files(self) -> list[Path]:
         """Where the files that it needs are."""
         return [self.path.parent / name for name in self.names()]
 
     def moved(self, place: Callable[[Path], str]) -> Element:
-        """A copy that names its meshes as `place` says."""
+        """A copy that names its files as `place` says."""
         root = copy.deepcopy(self.root)
-        for element, name in list(self._meshes(root)):
-            element.set("value", place(self.path.parent / name))
+        for element, key, name in list(self._named(root)):
+            element.set(key, place(self.path.parent / name).replace("$", "\\$"))
         return root
 
-    def _meshes(self, root: Element) -> Iterator[tuple[Element, str]]:
+    def _named(self, root: Element) -> Iterator[tuple[Element, str, str]]:
+        """The elements that name files: meshes, pictures, spectra; the attribute that does, and the name."""
         for element, known in self._walk(root):
-            if element.tag == "string" and element.get("name") == "filename":
-                yield element, _filled(element.get("value", ""), known, self.path)
+            key = "value" if element.tag == "string" and element.get("name") == "filename" else "filename"
+            if key in element.attrib:
+                yield element, key, _filled(element.attrib[key], known, self.path)
 
     def _walk(self, root: Element) -> Iterator[tuple[Element, dict[str, str]]]:
         """The elements in their order, with the values of the $names that hold there."""
@@ -71,7 +87,7 @@ class Document:
         for element in root.iter():
             yield element, known
             if element.tag == "default":
-                known[element.attrib["name"]] = _filled(element.attrib["value"], known, self.path)
+                known.setdefault(element.attrib["name"], _filled(element.attrib["value"], known, self.path))
 
 
 def read(path: Path, parameters: Mapping[str, str] | None = None, *, comments: bool = False) -> Document:
@@ -82,7 +98,7 @@ def read(path: Path, parameters: Mapping[str, str] | None = None, *, comments: b
     for default in root.iter("default"):
         for key in ("name", "value"):
             if key not in default.attrib:
-                raise ReferenceError_(f'{path}: a default lacks its attribute "{key}"')
+                raise ReferenceError_(f'{place(default)}: a default lacks its attribute "{key}"')
         names.append(default.attrib["name"])
         if parameters and names[-1] in parameters:  # what is given is taken as it is
             default.set("value", parameters[names[-1]].replace("$", "\\$"))
@@ -90,6 +106,18 @@ def read(path: Path, parameters: Mapping[str, str] | None = None, *, comments: b
         if name not in names:
             raise ReferenceError_(f"{path.stem} has no parameter {name} ({', '.join(names) or 'none'})")
     return Document(path, root, included)
+
+
+def comments(path: Path) -> list[str]:
+    """The texts of all comments, also of those around the scene."""
+    found: list[str] = []
+    parser = expat.ParserCreate()
+    parser.CommentHandler = found.append
+    try:
+        parser.Parse(path.read_bytes(), True)
+    except expat.ExpatError as error:
+        raise ReferenceError_(f"{path}: {error}") from None
+    return found
 
 
 def write(root: Element, path: Path) -> None:
@@ -102,14 +130,36 @@ def text(root: Element) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def place(element: Element) -> str:
+    """FILE:LINE where it stands, for a message."""
+    return str(getattr(element, "place", ""))
+
+
 def _parsed(path: Path, comments: bool) -> Element:
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=comments))
+    builder = ElementTree.TreeBuilder(element_factory=_Placed, insert_comments=comments)
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = builder.start(tag, attributes)
+        assert isinstance(element, _Placed)
+        element.place = f"{path}:{parser.CurrentLineNumber}"
+
+    def doctype(*_: object) -> None:
+        raise ReferenceError_(f"{path}:{parser.CurrentLineNumber}: a DOCTYPE is not supported")
+
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, builder.end
+    parser.CharacterDataHandler, parser.CommentHandler = builder.data, builder.comment
+    parser.StartDoctypeDeclHandler = doctype
     try:
-        return ElementTree.parse(path, parser).getroot()
+        parser.Parse(path.read_bytes(), True)
+    except ReferenceError_:
+        raise
     except OSError as error:
         raise ReferenceError_(f"{path}: {error.strerror}") from None
-    except ElementTree.ParseError as error:
+    except (expat.ExpatError, ValueError) as error:
         raise ReferenceError_(f"{path}: {error}") from None
+    return builder.close()
 
 
 def _include(root: Element, path: Path, known: dict[str, str]) -> Iterator[str]:

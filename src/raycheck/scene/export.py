@@ -3,7 +3,8 @@
 The JSON has a schema, `scene.schema.json`. Rectangles, and the six faces of a cube, are parallelograms
 p = corner + s edge_u + t edge_v with 0 ≤ s, t ≤ 1; meshes are triangles. A primitive shines along `normal`
 only, and reflects there only unless its material is `two_sided`; a sphere's normal points outwards unless
-`inward`. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m².
+`inward`. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m². Camera
+rays meet what is between `near_clip` and `far_clip` deep along the view.
 """
 
 import json
@@ -30,7 +31,9 @@ _FACES = [
 
 
 def export(of: Variant) -> dict[str, Any]:
-    """The scene as plain data that the schema describes; ReferenceError_ where a mesh cannot be read."""
+    """The scene as plain data that the schema describes; ReferenceError_ where it, or a mesh, says something
+    that the data could not.
+    """
     scene = read_scene(of.path, of.parameters)
     materials: list[Material] = []
     primitives: list[dict[str, Any]] = []
@@ -96,6 +99,8 @@ def _camera(camera: Camera) -> dict[str, Any]:
         "height": camera.height,
         "origin": _numbers(camera.origin),
         **{name: _numbers(way) for name, way in zip(names, ways, strict=True)},
+        "near_clip": camera.near_clip,
+        "far_clip": camera.far_clip,
     }
 
 
@@ -115,8 +120,13 @@ def _material(material: Material) -> dict[str, Any]:
         rough = {"type": "rough conductor", "reflectance": _numbers(material.reflectance), **index}
         return {**data, **rough, "alpha": material.alpha}
     if material.kind == "dielectric":
-        return {**data, "eta": float(material.eta[0])}
-    return {**data, "reflectance": _numbers(material.reflectance)}
+        colours = material.reflectance, material.transmittance
+        reflectance, transmittance = (_numbers(colour) for colour in colours)
+        eta = float(material.eta[0])
+        return {**data, "reflectance": reflectance, "transmittance": transmittance, "eta": eta}
+    if material.kind == "diffuse":
+        return {**data, "reflectance": _numbers(material.reflectance)}
+    raise ReferenceError_(f"a {material.kind} cannot be written as data")
 
 
 def _lights(scene: Scene) -> list[dict[str, Any]]:
@@ -175,36 +185,81 @@ class _Mesh:
     """(V, 3)"""
     faces: NDArray[np.int64]
     """(F, 3)"""
-    normals: Array
-    """(V, 3)"""
+    normals: Array | None
+    """(V, 3), where the file has them"""
 
 
-def _read_mesh(path: Path) -> _Mesh:
-    import trimesh
+def _read_mesh(path: Path, kind: str) -> _Mesh:
+    from trimesh import geometry
+    from trimesh.exchange import obj, ply
 
     try:
-        mesh: Any = trimesh.load(path, process=False, force="mesh")
+        if kind == "ply":
+            with path.open("rb") as binary:
+                parts = [ply.load_ply(binary)]
+        else:
+            with path.open(encoding="utf-8-sig") as text:
+                loaded = obj.load_obj(text, group_material=False, split_objects=False)
+            parts = list(loaded["geometry"].values()) if "geometry" in loaded else [loaded]
+        [one] = parts
+        vertices, faces, normals = (one.get(name) for name in ("vertices", "faces", "vertex_normals"))
+        mesh = _Mesh(
+            np.asarray(vertices, dtype=np.float64).reshape(-1, 3),
+            geometry.triangulate_quads(faces),
+            None if normals is None else np.asarray(normals, dtype=np.float64).reshape(-1, 3),
+        )
+        corners = mesh.vertices[mesh.faces]
     except Exception as error:  # trimesh names no errors of its own
         raise ReferenceError_(f"{path}: not a mesh that can be read ({error})") from None
-    arrays = (np.asarray(a) for a in (mesh.vertices, mesh.faces, mesh.vertex_normals))
-    return _Mesh(*arrays)
+    if not len(corners) or not np.isfinite(corners).all():
+        raise ReferenceError_(f"{path}: not a mesh that can be read (no faces, or a corner that is no place)")
+    return mesh
 
 
 def _triangles(shape: Shape, sign: float) -> list[dict[str, Any]]:
+    """Those that have an area. Vertex normals that the file lacks are the mean of the triangles', each by its
+    angle (Thürmer & Wüthrich, Computing Vertex Normals from Polygonal Facets, JGT 3(1), 1998); where
+    they point to the other side of a triangle, as after a mirroring, it is turned.
+    """
     if shape.mesh is None:
         raise ReferenceError_(f"<shape type={shape.kind!r}> cannot be written as primitives")
-    mesh = _read_mesh(shape.mesh)
+    mesh = _read_mesh(shape.mesh, shape.kind)
     linear, place = shape.to_world[:3, :3], shape.to_world[:3, 3]
     corners = (mesh.vertices @ linear.T + place)[mesh.faces]
-    flat = sign * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    some = flat.any(axis=1)
+    if not some.any():
+        raise ReferenceError_(f"{shape.mesh}: none of the {len(flat)} triangles has an area")
+    faces, corners = mesh.faces[some], corners[some]
+    flat = sign * flat[some] / np.linalg.norm(flat[some], axis=1, keepdims=True)
+    smooth = None
+    if not shape.face_normals:
+        if mesh.normals is None:
+            smooth = _mean_normals(len(mesh.vertices), faces, corners, flat)
+        else:
+            smooth = sign * _normalised(mesh.normals) @ np.linalg.inv(linear)
+        smooth = _normalised(smooth)[faces]
+        flat *= np.where((smooth * flat[:, None]).sum(axis=(1, 2)) < 0, -1.0, 1.0)[:, None]
     rows = [
         {"type": "triangle", "vertices": _numbers(three), "normal": _numbers(normal)}
         for three, normal in zip(corners, flat, strict=True)
     ]
-    if not shape.face_normals:
-        smooth = sign * mesh.normals @ np.linalg.inv(linear)
-        smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
-        for row, face in zip(rows, mesh.faces, strict=True):
-            row["vertex_normals"] = _numbers(smooth[face])
+    if smooth is not None:
+        for row, normals in zip(rows, smooth, strict=True):
+            row["vertex_normals"] = _numbers(normals)
     return rows
+
+
+def _mean_normals(count: int, faces: NDArray[np.int64], corners: Array, flat: Array) -> Array:
+    """(count, 3), not of unit length."""
+    result = np.zeros((count, 3))
+    for k in range(3):
+        a, b = (corners[:, (k + step) % 3] - corners[:, k] for step in (1, 2))
+        angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
+        np.add.at(result, faces[:, k], angle[:, None] * flat)
+    return result
+
+
+def _normalised(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))

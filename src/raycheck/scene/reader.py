@@ -1,13 +1,13 @@
-"""What a scene file says, in double precision: just enough of Mitsuba's XML for closed forms.
+"""What a scene file says, in double precision: all of it, or ReferenceError_ with the line that has no
+meaning here (plugins.py).
 
 Defaults and parameters are put in first, so that every number is the one that a renderer parses too.
-Whatever a closed form cannot judge by (unknown elements) is left out here; it is the renderers that check a
-scene for mistakes.
 """
 
 import functools
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import ReferenceError_
 from raycheck.scene import document
 from raycheck.scene.document import Element
+from raycheck.scene.plugins import Said, check_attributes, children, described, fail, only, uniform_scale
 
 METALS = Path(__file__).with_name("metals.json")
 
@@ -27,8 +27,9 @@ class Material:
     """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
 
     `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric is
-    its inner index over the outer one. `alpha` is the roughness of a rough conductor. A blend has two `parts`
-    and the `weight` of the second. A `two_sided` one looks the same from behind, where others are black.
+    its inner index over the outer one, and `transmittance` (3,) what of the refracted light goes on. `alpha`
+    is the roughness of a rough conductor. A blend has two `parts` and the `weight` of the second. A
+    `two_sided` one looks the same from behind, where others are black.
     """
 
     kind: str
@@ -39,6 +40,7 @@ class Material:
     parts: tuple["Material", ...] = ()
     two_sided: bool = False
     alpha: float = 0.0
+    transmittance: Array = field(default_factory=lambda: np.ones(3))
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,9 @@ class Camera:
     tan_x: float
     width: int
     height: int
+    near_clip: float = 0.01
+    """With `far_clip`, depths along the view between which the camera sees."""
+    far_clip: float = 1e4
 
     @property
     def origin(self) -> Array:
@@ -140,131 +145,158 @@ class Scene:
 
 
 def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene:
-    """Read a scene file with `parameters` for its defaults; ReferenceError_ where it says too little."""
+    """Read a scene file with `parameters` for its defaults; ReferenceError_ for what has no meaning here."""
     root = document.read(path, parameters).resolved()
-    materials = _Materials({e.attrib["id"]: e for e in root.iter("bsdf") if "id" in e.attrib})
-    integrator, sensor = root.find("integrator"), root.find("sensor")
-    if integrator is None or sensor is None:
-        raise ReferenceError_(f"{path}: no {'integrator' if integrator is None else 'sensor'}")
+    _check_root(root)
+    materials = _Materials(root)
+    integrator, sensor = only(root, "integrator"), only(root, "sensor")
+    if integrator is None:
+        fail(root, '<scene> needs an <integrator type="path"> with its max_depth')
+    if sensor is None:
+        fail(root, '<scene> needs a <sensor type="perspective">')
+    with Said(integrator) as said:
+        max_depth, roulette_depth = said.integer("max_depth"), said.integer("rr_depth")
+        hide_emitters = said.flag("hide_emitters")
+    if max_depth == 0:
+        fail(integrator, '"max_depth" 0 is a black image: -1 is without limit, 1 emission only')
+    emitters = [_emitter(e) for e in root.findall("emitter")]
+    skies = [sky for sky in emitters if isinstance(sky, np.ndarray)]
+    for another in root.findall("./emitter[@type='constant']")[1:]:
+        fail(another, f"a second {described(another)}")
+    shapes = []
+    for element in root.findall("shape"):
+        shape = _shape(element, materials, path.parent)
+        if hide_emitters and shape is not None and only(element, "emitter") is not None and not shape.emits:
+            fail(element, "a hidden emitter of radiance 0 is not supported by raycheck")
+        shapes += [shape] if shape is not None else []
+    materials.check_others()
     return Scene(
         camera=_camera(sensor),
-        max_depth=int(_value(integrator, "max_depth", "-1")),
-        shapes=tuple(_shape(e, materials, path.parent) for e in root.findall("shape")),
-        point_lights=tuple(_point_light(e) for e in _emitters(root, "point")),
-        suns=tuple(_sun(e) for e in _emitters(root, "directional")),
-        spots=tuple(_spot(e) for e in _emitters(root, "spot")),
-        sky=sum((_rgb(e, "radiance", 1.0) for e in _emitters(root, "constant")), np.zeros(3)),
-        roulette_depth=int(_value(integrator, "rr_depth", "5")),
-        hide_emitters=_value(integrator, "hide_emitters", "false") == "true",
+        max_depth=max_depth,
+        shapes=tuple(shapes),
+        point_lights=tuple(e for e in emitters if isinstance(e, PointLight)),
+        suns=tuple(e for e in emitters if isinstance(e, Sun)),
+        spots=tuple(e for e in emitters if isinstance(e, Spot)),
+        sky=sum(skies, np.zeros(3)),
+        roulette_depth=roulette_depth,
+        hide_emitters=hide_emitters,
     )
 
 
-def _emitters(root: Element, kind: str) -> list[Element]:
-    return [e for e in root.findall("emitter") if e.attrib["type"] == kind]
+def _check_root(root: Element) -> None:
+    if root.tag != "scene":
+        fail(root, f'the outermost element must be <scene version="3.0.0">, not <{root.tag}>')
+    check_attributes(root)
+    if not re.fullmatch(r"3\.\d{1,4}\.\d{1,4}", root.attrib["version"]):
+        fail(root, f'scene version "{root.attrib["version"]}" is not supported (3.0.0, or another 3.x.y)')
+    names: set[str] = set()
+    for element in children(root, ("default", "integrator", "sensor", "bsdf", "shape", "emitter")):
+        if element.tag != "default":
+            continue
+        children(element, ())
+        name = element.attrib["name"]
+        if not re.fullmatch(r"\w+", name, re.ASCII) or name in names:
+            wrong = "is given twice" if name in names else "has more than letters, digits and _ in its name"
+            fail(element, f'the default "{name}" {wrong}')
+        names.add(name)
 
 
-def _named(element: Element, name: str) -> Element | None:
-    return next((e for e in element if e.attrib.get("name") == name), None)
-
-
-def _value(element: Element, name: str, default: str) -> str:
-    child = _named(element, name)
-    return default if child is None else child.attrib["value"]
-
-
-def _numbers(text: str) -> Array:
-    return np.array([float(word) for word in text.replace(",", " ").split()])
-
-
-def _xyz(element: Element, default: float = 0.0) -> Array:
-    if "value" in element.attrib:
-        values = _numbers(element.attrib["value"])
-        return np.broadcast_to(values, 3).copy()
-    return np.array([float(element.attrib.get(axis, default)) for axis in "xyz"])
-
-
-def _rgb(element: Element, name: str, default: float) -> Array:
-    child = _named(element, name)
-    values = np.array([default]) if child is None else _numbers(child.attrib["value"])
-    return np.broadcast_to(values, 3).copy()
-
-
-def _transform(element: Element, name: str = "to_world") -> Array:
-    """The (4, 4) matrix of a `<transform>`: its operations in order, the first applied first."""
-    matrix = np.eye(4)
-    transform = _named(element, name)
-    for step in transform if transform is not None else ():
-        matrix = _step(step) @ matrix
-    return matrix
-
-
-def _step(step: Element) -> Array:
-    matrix = np.eye(4)
-    if step.tag == "translate":
-        matrix[:3, 3] = _xyz(step)
-    elif step.tag == "scale":
-        matrix[:3, :3] = np.diag(_xyz(step, 1.0))
-    elif step.tag == "rotate":
-        matrix[:3, :3] = _rotation(_xyz(step), math.radians(float(step.attrib["angle"])))
-    elif step.tag == "matrix":
-        values = _numbers(step.attrib["value"])
-        size = 4 if values.size == 16 else 3
-        matrix[:size, :size] = values.reshape(size, size)
-    elif step.tag == "lookat":
-        origin, target, up = (_numbers(step.attrib[key]) for key in ("origin", "target", "up"))
-        forward = (target - origin) / np.linalg.norm(target - origin)
-        left = np.cross(up, forward)
-        left /= np.linalg.norm(left)
-        matrix[:3, :] = np.stack([left, np.cross(forward, left), forward, origin], axis=1)
-    else:
-        raise ValueError(f"<{step.tag}> in a transform")
-    return matrix
-
-
-def _rotation(axis: Array, angle: float) -> Array:
-    """A rotation about an axis, by Rodrigues' formula."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross))
-
-
-@dataclass
 class _Materials:
     """The materials of a scene; one that several shapes refer to is one and the same."""
 
-    by_id: Mapping[str, Element]
-    read: dict[str, Material] = field(default_factory=dict)
+    def __init__(self, root: Element):
+        self._by_id: dict[str, Element] = {}
+        self._read: dict[Element, Material | None] = {}
+        self._others = root.findall("bsdf")
+        for element in root.iter():
+            name = element.get("id")
+            if name is None or element.tag == "ref":
+                continue
+            if not name:
+                fail(element, f"the id of <{element.tag}> is empty")
+            if name in self._by_id:
+                fail(element, f'the id "{name}" is already that of another element')
+            self._by_id[name] = element
 
     def of(self, element: Element) -> Material:
         """The material of a <bsdf>, or of the one that a <ref> means."""
-        if element.tag == "bsdf":
-            return self._material(element)
-        name = element.get("id", "")
-        if name not in self.by_id:
-            raise ReferenceError_(f'<ref id="{name}"/>: nothing has this id')
-        if name not in self.read:
-            self.read[name] = self._material(self.by_id[name])
-        return self.read[name]
+        bsdf = element
+        if element.tag == "ref":
+            children(element, ())
+            name = element.attrib["id"]
+            if name not in self._by_id:
+                fail(element, f'<ref id="{name}"/>: nothing has this id')
+            bsdf = self._by_id[name]
+            if bsdf.tag != "bsdf":
+                fail(element, f'<ref id="{name}"/>: that is a <{bsdf.tag}>, and no <bsdf>')
+        if bsdf not in self._read:
+            self._read[bsdf] = None
+            self._read[bsdf] = self._material(bsdf)
+        found = self._read[bsdf]
+        if found is None:
+            fail(element, "the bsdf contains itself")
+        return found
+
+    def check_others(self) -> None:
+        """Those that no shape uses."""
+        for element in self._others:
+            self.of(element)
 
     def _material(self, element: Element) -> Material:
         kind = element.attrib["type"]
-        if kind in ("conductor", "roughconductor"):
-            tint, alpha = _rgb(element, "specular_reflectance", 1.0), 0.0
+        holds = ("bsdf", "ref") if kind in ("blendbsdf", "twosided") else ()
+        with Said(element, holds) as said:
+            parts = [self.of(e) for e in element if e.tag in holds]
+            if kind == "twosided":
+                return _two_sided(element, parts)
+            if kind == "blendbsdf":
+                if len(parts) != 2 or said.given("weight") is None:
+                    fail(element, '<bsdf type="blendbsdf"> needs two bsdfs and the "weight" of the second')
+                return Material(kind, np.zeros(3), weight=said.number("weight"), parts=tuple(parts))
+            if kind == "diffuse":
+                return Material(kind, said.triple("reflectance"))
+            if kind == "dielectric":
+                return _dielectric(said)
+            tint, metal = said.triple("specular_reflectance"), _metal(said)
+            if kind == "conductor":
+                return Material(kind, tint, *metal)
             if kind == "roughconductor":
-                alpha = max(float(_value(element, "alpha", _value(element, "alpha_u", "0.1"))), 1e-4)
-            return Material(kind, tint, *_metal(element), alpha=alpha)
-        if kind == "dielectric":
-            inner, outer = _value(element, "int_ior", "1.5046"), _value(element, "ext_ior", "1.000277")
-            ratio = float(inner) / float(outer)
-            return Material(kind, _rgb(element, "specular_reflectance", 1.0), np.full(3, ratio))
-        parts = tuple(self.of(e) for e in element if e.tag in ("bsdf", "ref"))
-        if kind == "blendbsdf":
-            return Material(kind, np.zeros(3), weight=float(_value(element, "weight", "0.5")), parts=parts)
-        if kind == "twosided" and parts:
-            return replace(parts[0], two_sided=True)
-        if kind == "twosided":
-            raise ReferenceError_('a <bsdf type="twosided"> without a <bsdf> in it')
-        return Material(kind, _rgb(element, "reflectance", 0.5))
+                return Material(kind, tint, *metal, alpha=_roughness(said))
+            fail(element, f"{described(element)} is not supported by raycheck")
+
+
+def _two_sided(element: Element, parts: list[Material]) -> Material:
+    if not 0 < len(parts) < 3:
+        fail(element, '<bsdf type="twosided"> needs a bsdf inside (one for both sides, or two)')
+    if any(_has_back(part) for part in parts):
+        held = "twosided, dielectric"
+        fail(element, f'<bsdf type="twosided"> cannot hold a bsdf that has a back side ({held})')
+    if len(parts) == 2 and parts[0] is not parts[1]:
+        fail(element, '<bsdf type="twosided"> with two bsdfs is not supported by raycheck: only with one')
+    return replace(parts[0], two_sided=True)
+
+
+def _has_back(material: Material) -> bool:
+    return material.two_sided or material.kind == "dielectric" or any(map(_has_back, material.parts))
+
+
+def _dielectric(said: Said) -> Material:
+    if said.given("int_ior") is None or said.given("ext_ior") is None:
+        fail(said.element, '<bsdf type="dielectric"> needs both int_ior and ext_ior (as <float>, or by name)')
+    ratio = np.full(3, said.number("int_ior") / said.number("ext_ior"))
+    colours = said.triple("specular_reflectance"), said.triple("specular_transmittance")
+    return Material("dielectric", colours[0], ratio, transmittance=colours[1])
+
+
+def _roughness(said: Said) -> float:
+    if said.given("distribution") is None:  # Mitsuba's default is beckmann
+        fail(said.element, f'{described(said.element)}: write <string name="distribution" value="ggx"/>')
+    along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
+    if along != across or (along and said.given("alpha") is not None):
+        fail(said.element, f"{described(said.element)}: write alpha, or both alpha_u and alpha_v")
+    if said.number("alpha_u") != said.number("alpha_v"):
+        fail(said.element, "a roughness that depends on the direction is not supported by raycheck")
+    return max(said.number("alpha_u" if along else "alpha"), 1e-4)
 
 
 @functools.cache
@@ -274,73 +306,137 @@ def _metals() -> dict[str, dict[str, list[float]]]:
     return found
 
 
-def _metal(element: Element) -> tuple[Array, Array]:
+def _metal(said: Said) -> tuple[Array, Array]:
     """η and k (3,) of a conductor, by name or as they stand."""
-    name = _value(element, "material", "none")
+    index = [said.given(name) is not None for name in ("eta", "k")]
+    if index[0] != index[1] or (index[0] and said.given("material") is not None):
+        fail(said.element, f'{described(said.element)}: write "eta" and "k", or "material"')
+    if index[0]:
+        return said.triple("eta"), said.triple("k")
+    name = said.word("material") or "none"
     if name == "none":
-        return _rgb(element, "eta", 0.0), _rgb(element, "k", -1.0)
+        return np.zeros(3), np.full(3, -1.0)
     if name not in _metals():
-        raise ReferenceError_(f'<bsdf type="{element.attrib["type"]}">: no metal is called "{name}"')
+        fail(said.element, f'{described(said.element)}: no metal is called "{name}"')
     return np.array(_metals()[name]["eta"]), np.array(_metals()[name]["k"])
 
 
-def _shape(element: Element, materials: _Materials, folder: Path) -> Shape:
-    to_world = _transform(element)
-    if element.attrib["type"] == "sphere":
-        center = _named(element, "center")
-        radius = float(_value(element, "radius", "1"))
-        local = np.diag([radius, radius, radius, 1.0])
-        local[:3, 3] = np.zeros(3) if center is None else _xyz(center)
-        to_world = to_world @ local
-    light = element.find("emitter")
-    bsdf = next((child for child in element if child.tag in ("bsdf", "ref")), None)
+def _shape(element: Element, materials: _Materials, folder: Path) -> Shape | None:
+    """None for a sphere without size."""
+    light, bsdf = only(element, "emitter"), only(element, "bsdf", "ref")
+    mesh, face_normals = None, False
+    with Said(element, ("bsdf", "ref", "emitter")) as said:
+        to_world, flipped = said.transform("to_world"), said.flag("flip_normals")
+        if said.type == "sphere":
+            to_world, flipped = _sphere(said, to_world, flipped)
+        elif said.type in ("ply", "obj"):
+            mesh, face_normals = folder / said.word("filename"), said.flag("face_normals")
+            said.ignore("flip_tex_coords")
+        elif said.type not in ("rectangle", "disk", "cube"):
+            fail(element, f"{described(element)} is not supported by raycheck")
     if bsdf is not None:
         material = materials.of(bsdf)
     else:  # a lamp is black then
         material = Material("diffuse", np.full(3, 0.5 if light is None else 0.0))
-    return Shape(
-        kind=element.attrib["type"],
-        to_world=to_world,
-        flipped=_value(element, "flip_normals", "false") == "true",
-        material=material,
-        radiance=np.zeros(3) if light is None else _rgb(light, "radiance", 1.0),
-        mesh=folder / _value(element, "filename", "") if element.attrib["type"] in ("ply", "obj") else None,
-        face_normals=_value(element, "face_normals", "false") == "true",
-    )
+    radiance = np.zeros(3) if light is None else _area_light(light)
+    if not to_world[:3, :3].any():
+        return None
+    return Shape(said.type, to_world, flipped, material, radiance, mesh, face_normals)
 
 
-def _point_light(element: Element) -> PointLight:
-    position = _named(element, "position")
-    origin = _transform(element)[:3, 3] if position is None else _xyz(position)
-    return PointLight(origin, _rgb(element, "intensity", 1.0))
+def _sphere(said: Said, to_world: Array, flipped: bool) -> tuple[Array, bool]:
+    """Its matrix with center and radius; a mirrored one is turned inside out."""
+    if not uniform_scale(to_world, 1e-4):
+        fail(said.element, '"to_world" of a sphere must not shear or scale by axis')
+    radius = said.number("radius")
+    local = np.diag([radius, radius, radius, 1.0])
+    local[:3, 3] = said.triple("center")
+    return to_world @ local, flipped != bool(np.linalg.det(to_world[:3, :3]) < 0)
 
 
-def _sun(element: Element) -> Sun:
-    direction = _named(element, "direction")
-    way = _transform(element)[:3, 2] if direction is None else _xyz(direction)
-    return Sun(way / np.linalg.norm(way), _rgb(element, "irradiance", 1.0))
+def _area_light(element: Element) -> Array:
+    if element.attrib["type"] != "area":
+        fail(element, f"{described(element)} cannot stand in a <shape>: only area does")
+    with Said(element) as said:
+        return said.triple("radiance")
 
 
-def _spot(element: Element) -> Spot:
-    to_world = _transform(element)
-    cutoff = float(_value(element, "cutoff_angle", "20"))
-    beam = float(_value(element, "beam_width", str(0.75 * cutoff)))
+def _emitter(element: Element) -> "PointLight | Sun | Spot | Array":
+    """One that is no shape's; the radiance (3,) of a constant one."""
+    with Said(element) as said:
+        if said.type == "constant":
+            return said.triple("radiance")
+        if said.type == "point":
+            position, moved = said.triple("position"), said.transform("to_world")[:3, 3]
+            return PointLight(_one_of(said, "position", position, moved), said.triple("intensity"))
+        if said.type == "directional":
+            given, axis = said.triple("direction"), said.transform("to_world")[:3, 2]
+            way = _one_of(said, "direction", given, axis)
+            if not 0 < np.linalg.norm(way) < math.inf:
+                fail(element, '"direction" must not be of zero or overflowing length')
+            if said.given("to_world") is not None and not abs(np.linalg.norm(way) - 1) <= 1e-5:
+                fail(element, '"to_world" of a directional emitter must not scale')
+            return Sun(way / np.linalg.norm(way), said.triple("irradiance"))
+        if said.type == "spot":
+            return _spot(said)
+    where = "must stand in a <shape>, which is what shines" if said.type == "area" else "is not supported"
+    fail(element, f"{described(element)} {where}")
+
+
+def _one_of(said: Said, name: str, value: Array, by_matrix: Array) -> Array:
+    """A place or way that the file gives by `name` or by "to_world"."""
+    if said.given("to_world") is None:
+        return value
+    if said.given(name) is not None:
+        fail(said.element, f'{described(said.element)} has "{name}" and "to_world": write one or the other')
+    return by_matrix
+
+
+def _spot(said: Said) -> Spot:
+    to_world, cutoff = said.transform("to_world"), said.number("cutoff_angle")
+    beam = said.number("beam_width") if said.given("beam_width") is not None else 0.75 * cutoff
+    if said.given("beam_width") is not None and beam > cutoff:
+        fail(said.element, f'"beam_width" is {beam:g}, more than "cutoff_angle", {cutoff:g}')
+    if not uniform_scale(to_world, 1e-3):
+        fail(said.element, '"to_world" of a spot must not shear or scale by axis: its cone is round')
     axis = to_world[:3, 2] / np.linalg.norm(to_world[:3, 2])
-    intensity = _rgb(element, "intensity", 1.0)
+    intensity = said.triple("intensity")
     return Spot(to_world[:3, 3], axis, intensity, math.radians(cutoff), math.radians(beam))
 
 
 def _camera(sensor: Element) -> Camera:
-    film = sensor.find("film")
+    film = only(sensor, "film")
     if film is None:
-        raise ValueError("no film")
-    width, height = int(_value(film, "width", "768")), int(_value(film, "height", "576"))
-    half = math.tan(math.radians(float(_value(sensor, "fov", "0"))) / 2)
-    axis = _value(sensor, "fov_axis", "x")
+        fail(sensor, '<sensor> needs a <film type="hdrfilm"> with <rfilter type="box"/>')
+    width, height = _film(film)
+    with Said(sensor, ("film", "sampler")) as said:  # no sampler changes the mean of a picture
+        if said.given("fov") is None:
+            fail(sensor, '<sensor> needs a field of view: <float name="fov" value="40"/>, in degrees')
+        half, axis = math.tan(math.radians(said.number("fov")) / 2), said.word("fov_axis")
+        to_world = said.transform("to_world")
+        near, far = said.number("near_clip"), said.number("far_clip")
+    if not abs(uniform_scale(to_world, 1e-3) - 1) <= 1e-3:
+        fail(sensor, '"to_world" of a sensor must not scale or shear')
+    if near >= far:
+        fail(sensor, f'"near_clip" is {near:g} and must be less than "far_clip", {far:g}')
     if axis in ("smaller", "larger"):
         axis = "x" if (width <= height) == (axis == "smaller") else "y"
     if axis == "y":
         half *= width / height
     elif axis == "diagonal":
         half *= width / math.hypot(width, height)
-    return Camera(_transform(sensor), half, width, height)
+    return Camera(to_world, half, width, height, near, far)
+
+
+def _film(film: Element) -> tuple[int, int]:
+    """Width and height of a film whose pixels are means over their own squares."""
+    rfilter = only(film, "rfilter")
+    if rfilter is None:
+        fail(film, '<film> needs <rfilter type="box"/> (Mitsuba\'s default, gaussian, is not supported)')
+    with Said(rfilter):
+        pass
+    with Said(film, ("rfilter",)) as said:
+        width, height = said.integer("width"), said.integer("height")
+    if width * height > 2**28:
+        fail(film, f"{width} x {height} pixels are more than 2^28")
+    return width, height

@@ -5,6 +5,8 @@ applies.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from raycheck.base.errors import NotFound
+from raycheck.base.text import nearest
 from raycheck.scene.content import SceneContent
 
 
@@ -146,11 +148,12 @@ BEST = "mis-default"
 
 
 def technique(name: str) -> Technique:
-    """The technique of that name; KeyError with the names there are."""
+    """The technique of that name; NotFound with the names there are."""
     for candidate in TECHNIQUES:
         if candidate.name == name:
             return candidate
-    raise KeyError(f"no technique {name!r}; there are {', '.join(t.name for t in TECHNIQUES)}")
+    names = [known.name for known in TECHNIQUES]
+    raise NotFound(f"no technique {name!r}{nearest(name, names)}; there are {', '.join(names)}")
 
 
 def applicable(content: SceneContent) -> list[Technique]:

@@ -2,12 +2,14 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from raycheck.base import data
 from raycheck.base.errors import ReferenceError_
+from raycheck.base.text import nearest
 from raycheck.scene import document
 from raycheck.scene.document import Document
 
@@ -87,19 +89,32 @@ def scene_names() -> list[str]:
     return sorted(path.stem for path in data.scenes_dir().glob("*.xml"))
 
 
+def summary(name: str) -> str:
+    """What a canonical scene shows: the first sentence of its first comment."""
+    text = scene_path(name).read_text(encoding="utf-8")
+    found = re.search(r"<!--\s*(.*?)\.?(?:\.\s|-->)", text, re.DOTALL)
+    return " ".join(found[1].split()) if found else ""
+
+
 def scene_path(name: str) -> Path:
     """Path of a canonical scene; ReferenceError_ with the names there are."""
     path = data.scenes_dir() / f"{name}.xml"
     if not path.is_file():
-        raise ReferenceError_(f"no scene {name!r}; there are: {', '.join(scene_names())}")
+        names = scene_names()
+        raise ReferenceError_(f"no scene {name!r}{nearest(name, names)}; there are {', '.join(names)}")
     return path
 
 
 def scene_hash(path: Path, parameters: Mapping[str, str] | None = None) -> str:
-    """SHA-256 of a scene file, of the files that it names, and of the parameters; line ends do not matter."""
-    digest = hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n"))
-    for named in files_of(path, parameters):
-        digest.update(named.read_bytes())
+    """SHA-256 of a scene file, of the files that it names, and of the parameters; line ends do not matter.
+    ReferenceError_ where one cannot be read.
+    """
+    try:
+        digest = hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n"))
+        for named in files_of(path, parameters):
+            digest.update(named.read_bytes())
+    except OSError as error:
+        raise ReferenceError_(f"{error.filename}: {error.strerror}") from None
     digest.update(json.dumps(sorted((parameters or {}).items())).encode())
     return digest.hexdigest()
 

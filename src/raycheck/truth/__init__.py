@@ -9,6 +9,7 @@ references    the images in references/NAME.exr, whether they are fresh, what th
 manifest      how each was made
 making        new ones: small batches plan, many large ones give mean and variance
 mitsuba       batches by Mitsuba 3, and which of its variants works here
+drift         what another version of Mitsuba changes
 expected      reference and closed form together: what verdicts compare with
 provenance    what a kept result rests on, and why it is stale
 closed_forms  exact images of the scenes whose light can be written down

@@ -73,7 +73,7 @@ class Goal:
     small_spp: int = 4
     min_batches: int = 64
     most_seconds: float = math.inf
-    """Time after which the large batches end even if the errors are not reached."""
+    """Time from the start after which the large batches end even if the errors are not reached."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,12 @@ class Plan:
     spp: int
     seconds: float
     spent: float
+    """Seconds that went before: to start, to load the scene, and to plan."""
+
+    @property
+    def total(self) -> float:
+        """Seconds that the reference takes from the first to the last."""
+        return self.spent + self.seconds
 
 
 def skewness_tables(images: Array, spp: int) -> dict[int, list[list[list[float | None]]]]:
@@ -121,11 +127,13 @@ def samples_needed(images: Array, spp: int, goal: Goal, checked: bool) -> int:
     return math.ceil(spp * worst**2)
 
 
-def make_plan(renderer: Batches, goal: Goal, checked: bool = False) -> Plan:
-    """Render the small batches (0 …) and plan the rest; `checked`: a closed form outranks the reference."""
+def make_plan(renderer: Batches, goal: Goal, checked: bool = False, began: float | None = None) -> Plan:
+    """Render the small batches (0 …) and plan the rest; `checked`: a closed form outranks the reference.
+    `began`: when the work for it did, by time.perf_counter, if that was before.
+    """
+    began = time.perf_counter() if began is None else began
     next(renderer.batches(0, 1, goal.small_spp))
     next(renderer.batches(0, 1, goal.spp_per_batch))
-    start = time.perf_counter()
     images = np.stack(list(renderer.batches(0, goal.small_batches, goal.small_spp)))
     middle = time.perf_counter()
     next(renderer.batches(0, 1, goal.spp_per_batch))
@@ -134,13 +142,14 @@ def make_plan(renderer: Batches, goal: Goal, checked: bool = False) -> Plan:
         goal.min_batches,
         math.ceil(samples_needed(images, goal.small_spp, goal, checked) / goal.spp_per_batch),
     )
-    if batches * per_batch > goal.most_seconds:
-        batches = max(goal.min_batches, int(goal.most_seconds / per_batch))
+    spent = time.perf_counter() - began
+    if spent + batches * per_batch > goal.most_seconds:
+        batches = max(goal.min_batches, int((goal.most_seconds - spent) / per_batch))
     return Plan(
         skewness=skewness_tables(images, goal.small_spp),
         spp=batches * goal.spp_per_batch,
         seconds=batches * per_batch,
-        spent=middle - start,
+        spent=spent,
     )
 
 

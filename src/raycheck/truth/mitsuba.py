@@ -25,8 +25,9 @@ from typing import Any
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import NotFound
+from raycheck.base.errors import NotFound, ReferenceError_
 from raycheck.base.seeds import reference_seed
+from raycheck.scene.document import place
 from raycheck.scene.variants import Variant
 
 MAX_PIXELS = 2**16
@@ -100,10 +101,39 @@ def _probe(variant: str, library: Path | None) -> str | None:
     return (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
 
 
+def check_film(of: Variant) -> None:
+    """ReferenceError_ where Mitsuba would render, but no reference: a pixel is the mean of R, G and B over
+    its own square.
+    """
+    root = of.document().resolved()
+    if root.find("integrator") is None:
+        raise ReferenceError_(f'{of.path}: no integrator: write <integrator type="path"/>')
+    films = list(root.iter("film"))
+    if not films:
+        raise ReferenceError_(
+            f'{of.path}: no film with <rfilter type="box"/> (Mitsuba\'s default is gaussian)'
+        )
+    for film in films:
+        rfilter = film.find("rfilter")
+        if rfilter is None or rfilter.get("type") != "box":
+            found = "no <rfilter>, and Mitsuba's default is gaussian"
+            found = found if rfilter is None else f'<rfilter type="{rfilter.get("type")}">'
+            raise ReferenceError_(
+                f"{place(film if rfilter is None else rfilter)}: {found}: a pixel of a reference is the mean "
+                'over its own square, <rfilter type="box"/>'
+            )
+        for said in film.iter("string"):
+            name = said.get("name", "").replace("_", "").lower()
+            if name == "pixelformat" and said.get("value", "").lower() != "rgb":
+                channels = "a reference has the channels R, G and B"
+                raise ReferenceError_(f'{place(said)}: pixel_format "{said.get("value")}": {channels}, "rgb"')
+
+
 class MitsubaBatches:
     """A scene loaded into Mitsuba, rendered in batches; `variant` as `choose_variant` gave it."""
 
     def __init__(self, of: Variant, variant: str, threads: int | None = None):
+        check_film(of)
         import mitsuba as mi
 
         if mi.variant() != variant:
@@ -114,6 +144,7 @@ class MitsubaBatches:
             dr.set_thread_count(threads)
         self.made_by: Mapping[str, str] = {"mitsuba_version": str(mi.__version__), "variant": variant}
         self._mi: Any = mi
+        self._path = of.path
         try:
             self._scene: Any = mi.load_file(str(of.path), **dict[str, Any](of.parameters))
         except RuntimeError as error:
@@ -128,7 +159,17 @@ class MitsubaBatches:
             )
         for batch in range(first, first + count):
             seed = reference_seed(batch)
-            image = np.array(self._mi.render(self._scene, spp=spp, seed=seed), dtype=np.float64)
+            try:
+                image = np.array(self._mi.render(self._scene, spp=spp, seed=seed), dtype=np.float64)
+            except Exception as error:  # Mitsuba names no errors of its own
+                reason = (str(error).strip() or type(error).__name__).splitlines()[-1].strip()
+                raise NotFound(f"{self._path}: Mitsuba cannot render it: {reason}") from None
+            if image.ndim != 3 or image.shape[2] != 3:
+                channels = image.shape[2] if image.ndim == 3 else 1
+                raise NotFound(
+                    f"{self._path}: Mitsuba renders it with {channels} channels; a reference has three, "
+                    "R, G and B"
+                )
             if image.shape[0] * image.shape[1] > MAX_PIXELS:
                 raise NotFound(f"references are for images of at most {MAX_PIXELS} pixels")
             yield image

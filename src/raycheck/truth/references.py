@@ -20,6 +20,7 @@ from raycheck.base import data
 from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.files import whole
+from raycheck.base.images import write_image
 from raycheck.scene.variants import Variant, ladder, scene_hash, variant
 from raycheck.truth.closed_forms import forms, store
 from raycheck.truth.manifest import dump_manifest, read_manifest
@@ -166,14 +167,7 @@ def write_reference(of: Variant, mean: Array, variance_of_mean: Array, entry: Ma
         spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
         spec.channelnames = CHANNELS
         spec.attribute("compression", "zip")
-        file = oiio.ImageOutput.create(str(image))
-        if (
-            file is None
-            or not file.open(str(image), spec)
-            or not file.write_image(pixels)
-            or not file.close()
-        ):
-            raise OSError(f"{path}: {file.geterror() if file else oiio.geterror()}")
+        write_image(image, spec, pixels)
         entries = dict(sorted({**read_manifest(folder), label: dict(entry)}.items()))
         manifest.write_text(dump_manifest(entries))
     return path

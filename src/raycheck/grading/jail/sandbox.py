@@ -21,7 +21,6 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 
 from raycheck.base.errors import NotFound
@@ -29,6 +28,7 @@ from raycheck.grading.jail import cgroups, confine
 from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
 from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.tiers import Tier as Tier
 from raycheck.grading.jail.watch import Bounds, Finished, Size, watch
 
 FIRST_USER = 61184
@@ -57,16 +57,6 @@ MACHINE = (
 )  # fmt: skip
 SHARED = ("/tmp", "/var/tmp", "/dev/shm")
 """Where every user may write."""
-
-
-class Tier(StrEnum):
-    """How programs are jailed."""
-
-    BUBBLEWRAP = "bubblewrap"
-    LANDLOCK = "landlock"
-    USER = "user"
-    """Another user and the filter of system calls alone."""
-    NONE = "none"
 
 
 @dataclass(frozen=True)

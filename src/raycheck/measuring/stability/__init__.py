@@ -10,6 +10,7 @@ formulas       closed forms that several cases share
 spheres, gaps, scales, angles, sums, bounces, narrow, choices: the cases
 sweeps         renders the values of a case, and what counts as holding
 renderers      oneray, and Mitsuba in a process that may crash (mitsuba_worker)
+precisions     generated scenes in oneray's --precision auto and in double
 results        what came out, in memory and in a file
 tables, plots  that for the terminal, the README and the report
 """

@@ -8,7 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from raycheck.measuring import log_log
-from raycheck.measuring.stability import sweeps, tables
+from raycheck.measuring.stability import precisions, sweeps, tables
 from raycheck.measuring.stability.case import Case
 from raycheck.measuring.stability.results import Curve, Point, Result, read
 
@@ -31,8 +31,10 @@ class Section:
     plots: list[Plot]
 
 
-def section(path: Path) -> dict[str, Any]:
-    """What stability.html shows of a result of `raycheck stability --json`."""
+def section(path: Path, compared: Path | None = None) -> dict[str, Any]:
+    """What stability.html shows of a result of `raycheck stability --json`, and of one of
+    scripts/precisions.py --json.
+    """
     results, header = read(path)
     shown = [(result, sweeps.cases_named([result.case])[0]) for result in results]
     return {
@@ -43,6 +45,17 @@ def section(path: Path) -> dict[str, Any]:
         ],
         "marks": [Markup(log_log.key(0, plain=True)), *(Markup(log_log.key(index)) for index in (1, 2))],
         "machine": header["machine"],
+        "command": header["command"],
+        "precisions": _precisions(compared) if compared else None,
+    }
+
+
+def _precisions(path: Path) -> dict[str, Any]:
+    pairs, header = precisions.read(path)
+    return {
+        "columns": precisions.COLUMNS,
+        "rows": [precisions.row(pair) for pair in pairs],
+        "summary": precisions.summary(pairs),
         "command": header["command"],
     }
 

@@ -1,15 +1,15 @@
 """raycheck grade --check: an assignment tried out before students see it."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
+from raycheck.base.statuses import Status
 from raycheck.base.text import duration, percent
 from raycheck.calibration import assignments
-from raycheck.commands.support import make_console, make_table
+from raycheck.commands.support import Columns, Output
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
@@ -25,25 +25,26 @@ def check_assignment(path: Path, paths_per_second: float, limit: float, names: S
     asked = read_assignment(path)
     chosen = assignments.choose(asked, names or [assignments.FEW])
     grader = Grader.prepare(asked, Tier.NONE)
-    progress = Console(stderr=True)
+    progress = Output(stderr=True)
 
     def on_task(found: assignments.TaskCheck) -> None:
         progress.print(f"{found.task.id}: {duration(found.seconds)}", highlight=False, markup=False)
 
     results = assignments.check(grader, paths_per_second, chosen, on_task)
-    console = make_console()
-    console.print(_table(results))
+    console = Output()
+    _table(results).show(console)
     total = duration(sum(result.seconds for result in results))
     speed = f"{paths_per_second:,.0f} paths a second"
     console.print(f"All tasks: {total} for an honest program that traces {speed}.", highlight=False)
     refused = assignments.refusals(asked, results, limit)
     for line in refused:
-        typer.echo(f"raycheck: {path}: {line}", err=True)
-    raise typer.Exit(2 if refused else 0 if all(result.passes for result in results) else 3)
+        print(f"raycheck: {path}: {line}", file=sys.stderr)
+    passed = all(result.passes for result in results)
+    raise typer.Exit(Status.COULD_NOT_RUN if refused else Status.DONE if passed else Status.INCONCLUSIVE)
 
 
-def _table(results: Sequence[assignments.TaskCheck]) -> Table:
-    table = make_table(COLUMNS, right=("time", "notices"))
+def _table(results: Sequence[assignments.TaskCheck]) -> Columns:
+    table = Columns(COLUMNS, right=("time", "notices"), wrap=COLUMNS[4:])
     for one in results:
         by = {outcome: [n for n, o in one.mistakes.items() if o is outcome] for outcome in Outcome}
         seen = f"{len(by[Outcome.FAIL])} of {len(one.mistakes)}" if one.mistakes else ""

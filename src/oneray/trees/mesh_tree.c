@@ -1,0 +1,117 @@
+#include "trees/mesh_tree.h"
+
+#include "message.h"
+
+#include <float.h>
+#include <stdlib.h>
+
+static TreeBox box_empty(void)
+{
+    return (TreeBox){{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+}
+
+static void box_join(TreeBox *box, const double low[3], const double high[3])
+{
+    for (int i = 0; i < 3; i++) {
+        box->low[i] = low[i] < box->low[i] ? low[i] : box->low[i];
+        box->high[i] = high[i] > box->high[i] ? high[i] : box->high[i];
+    }
+}
+
+static TreeBox box_of_triangle(const Mesh *mesh, int t)
+{
+    TreeBox box = box_empty();
+    for (int c = 0; c < 3; c++) {
+        const double *p = mesh->vertex[mesh->triangle[t][c]];
+        box_join(&box, p, p);
+    }
+    return box;
+}
+
+/* The builder's boxes are floats: about the center of all, so that far from the origin they still differ. */
+static BvhItem item_of(const TreeBox *box, const TreeBox *all, int id)
+{
+    BvhItem item = {.id = id};
+    for (int i = 0; i < 3; i++) {
+        double center = 0.5 * all->low[i] + 0.5 * all->high[i];
+        item.low[i] = (float)fmax(box->low[i] - center, -(double)FLT_MAX);
+        item.high[i] = (float)fmin(box->high[i] - center, (double)FLT_MAX);
+    }
+    return item;
+}
+
+/* From the leaves upwards: a child has a higher number than its node. */
+static void box_nodes(MeshTree *tree)
+{
+    const Bvh *bvh = &tree->bvh;
+    tree->node = allocate((size_t)bvh->node_count, sizeof *tree->node);
+    for (int n = bvh->node_count - 1; n >= 0; n--) {
+        tree->node[n] = box_empty();
+        for (int k = 0; k < BVH_WIDTH; k++) {
+            int child = bvh->nodes[n].child[k];
+            const TreeBox *box = child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child];
+            if (child != -1)
+                box_join(&tree->node[n], box->low, box->high);
+        }
+    }
+}
+
+MeshTree mesh_tree_build(const Mesh *mesh)
+{
+    int count = mesh->triangle_count;
+    MeshTree tree = {.all = box_empty()};
+    if (!count)
+        return tree;
+    BvhItem *items = allocate((size_t)count, sizeof *items);
+    for (int t = 0; t < count; t++)
+        for (int c = 0; c < 3; c++)
+            box_join(&tree.all, mesh->vertex[mesh->triangle[t][c]], mesh->vertex[mesh->triangle[t][c]]);
+    for (int t = 0; t < count; t++) {
+        TreeBox box = box_of_triangle(mesh, t);
+        items[t] = item_of(&box, &tree.all, t);
+    }
+    tree.bvh = bvh_build(items, count, LEAF_TRIANGLES);
+    tree.triangle = allocate((size_t)count, sizeof *tree.triangle);
+    for (int i = 0; i < count; i++)
+        tree.triangle[i] = items[i].id;
+    free(items);
+    tree.leaf = allocate((size_t)tree.bvh.leaf_count, sizeof *tree.leaf);
+    for (int n = 0; n < tree.bvh.leaf_count; n++) {
+        const int32_t *leaf = tree.bvh.leaves[n];
+        tree.leaf[n] = box_empty();
+        for (int k = leaf[0]; k < leaf[0] + leaf[1]; k++) {
+            TreeBox box = box_of_triangle(mesh, tree.triangle[k]);
+            box_join(&tree.leaf[n], box.low, box.high);
+        }
+    }
+    box_nodes(&tree);
+    return tree;
+}
+
+bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(const void *, const TreeBox *),
+    void *to, bool (*use)(void *to, int triangle))
+{
+    int32_t pending[BVH_DEPTH * BVH_WIDTH] = {0};
+    for (int count = tree->bvh.node_count > 0; count > 0;) {
+        int32_t next = pending[--count];
+        for (int k = 0; next >= 0 && k < BVH_WIDTH; k++) {
+            int32_t child = tree->bvh.nodes[next].child[k];
+            if (child != -1 && enters(query, child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child]))
+                pending[count++] = child;
+        }
+        const int32_t *leaf = next < 0 ? tree->bvh.leaves[-2 - next] : NULL;
+        for (int i = 0; leaf && i < leaf[1]; i++)
+            if (use(to, tree->triangle[leaf[0] + i]))
+                return true;
+    }
+    return false;
+}
+
+void mesh_tree_free(MeshTree *tree)
+{
+    bvh_free(&tree->bvh);
+    free(tree->triangle);
+    free(tree->leaf);
+    free(tree->node);
+    *tree = (MeshTree){0};
+}

@@ -1,0 +1,386 @@
+"""A small path tracer that knows of a scene only what `raycheck scene --as json` says: for comparisons.
+
+It shares nothing with oneray: brute force instead of trees, lights by area, metals by their microfacets, no
+multiple importance sampling. A surface whose light comes back from one direction, or nearly so, finds lamps
+by chance, a diffuse one by a point on a lamp; the sky is found by chance always.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+AT_ONCE = 100_000
+"""Rays times primitives that are met at a time."""
+NO_LIMIT = 60
+"""Segments of a path whose depth has no limit; roulette ends nearly all of them long before."""
+
+
+def _unit(v: Array) -> Array:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return (a * b).sum(axis=-1)
+
+
+def _frame(n: Array) -> tuple[Array, Array]:
+    """Two unit vectors (N, 3) across n (N, 3)."""
+    helper = np.where(np.abs(n[:, :1]) > 0.6, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    u = _unit(np.cross(helper, n))
+    return u, np.cross(n, u)
+
+
+class Primitives:
+    """Flat ones first: p = o + s u + t v, with s and t within a square, triangle or circle. Then spheres."""
+
+    def __init__(self, data: dict[str, Any]):
+        kinds = ("parallelogram", "triangle", "disk")
+        flat = [p for kind in kinds for p in data["primitives"] if p["type"] == kind]
+        balls = [p for p in data["primitives"] if p["type"] == "sphere"]
+        self.all = flat + balls
+        self.flats = len(flat)
+        placed = np.array([self._placed(p) for p in flat]).reshape(-1, 3, 3)
+        self.o, self.u, self.v = placed[:, 0], placed[:, 1], placed[:, 2]
+        self.kind = np.array([p["type"] for p in flat], dtype=str)
+        ends = np.searchsorted([kinds.index(p["type"]) for p in flat], [0, 1, 2, 3])
+        self.squares, self.triangles, self.disks = (slice(*ends[i : i + 2]) for i in range(3))
+        self.normal = np.array([p["normal"] for p in flat]).reshape(-1, 3)
+        self.smooth = np.array([p.get("vertex_normals", [p["normal"]] * 3) for p in flat]).reshape(-1, 3, 3)
+        across = np.cross(self.u, self.v)
+        size = np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        self.plane = across / size
+        self.dual_s, self.dual_t = np.cross(self.v, self.plane) / size, np.cross(self.plane, self.u) / size
+        self.center = np.array([p["center"] for p in balls]).reshape(-1, 3)
+        self.radius = np.array([p["radius"] for p in balls])
+        self.inward = np.array([p["inward"] for p in balls], dtype=bool)
+        self.radiance = np.array([p["radiance"] for p in self.all]).reshape(-1, 3)
+        self.material = np.array([p["material"] for p in self.all], dtype=int)
+
+    @staticmethod
+    def _placed(p: dict[str, Any]) -> list[Any]:
+        if p["type"] == "triangle":
+            a, b, c = np.array(p["vertices"])
+            return [a, b - a, c - a]
+        if p["type"] == "disk":
+            return [p["center"], p["axis_u"], p["axis_v"]]
+        return [p["corner"], p["edge_u"], p["edge_v"]]
+
+    def meet(
+        self, o: Array, d: Array, start: Array, low: Any = 0.0, high: Any = np.inf, hidden: Any = None
+    ) -> Any:
+        """Of rays from o along d: which primitive each meets first beyond `low` (−1: none up to `high`), and
+        how far away. `start` is the primitive that it leaves, `hidden` those that it passes.
+        """
+        chunk = max(1, AT_ONCE // max(1, len(self.all)))
+        low, high = (np.broadcast_to(x, len(o)) for x in (low, high))
+        found = np.full(len(o), -1)
+        t = np.full(len(o), np.inf)
+        for i in range(0, len(o), chunk) if self.all else ():
+            part = slice(i, i + chunk)
+            each = self._all(o[part], d[part], start[part], low[part, None])
+            each[each > high[part, None]] = np.inf
+            if hidden is not None:
+                each[:, hidden] = np.inf
+            found[part] = each.argmin(axis=1)
+            t[part] = each.min(axis=1)
+        found[~np.isfinite(t)] = -1
+        return found, t
+
+    def _all(self, o: Array, d: Array, start: Array, low: Array) -> Array:
+        """(N, P)"""
+        here = start[:, None] == np.arange(len(self.all))
+        with np.errstate(all="ignore"):
+            height = o @ self.plane.T - _dot(self.o, self.plane)
+            flat = -height / (d @ self.plane.T)
+            s = o @ self.dual_s.T - _dot(self.o, self.dual_s) + flat * (d @ self.dual_s.T)
+            t = o @ self.dual_t.T - _dot(self.o, self.dual_t) + flat * (d @ self.dual_t.T)
+            outside = ~(flat > low) | here[:, : self.flats]
+            part = self.squares
+            outside[:, part] |= ~((np.minimum(s, t)[:, part] >= 0) & (np.maximum(s, t)[:, part] <= 1))
+            part = self.triangles
+            outside[:, part] |= ~((np.minimum(s, t)[:, part] >= 0) & ((s + t)[:, part] <= 1))
+            part = self.disks
+            outside[:, part] |= ~(s[:, part] ** 2 + t[:, part] ** 2 <= 1)
+            flat[outside] = np.inf
+            between = self.center - o[:, None]
+            middle = (between * d[:, None]).sum(axis=-1)
+            beside = ((between - middle[..., None] * d[:, None]) ** 2).sum(axis=-1)
+            half = np.sqrt(self.radius**2 - beside)
+            near, far = middle - half, middle + half
+            on = here[:, self.flats :]  # of its own sphere a ray meets the far side only, if it goes inwards
+            far[on & (far < self.radius * 1e-9)] = np.inf
+            ball = np.where((near > low) & ~on, near, far)
+            ball[~(ball > low)] = np.inf
+        return np.concatenate([flat, ball], axis=1)
+
+    def surface(self, which: Array, p: Array) -> tuple[Array, Array]:
+        """The normal, and the one that shades."""
+        true, shading = np.empty_like(p), np.empty_like(p)
+        flat = which < self.flats
+        i, q = which[flat], p[flat]
+        true[flat] = self.normal[i]
+        s, t = _dot(q - self.o[i], self.dual_s[i]), _dot(q - self.o[i], self.dual_t[i])
+        weights = np.stack([1 - s - t, s, t], axis=-1)
+        shading[flat] = _unit((weights[..., None] * self.smooth[i]).sum(axis=1))
+        i, q = which[~flat] - self.flats, p[~flat]
+        true[~flat] = shading[~flat] = (
+            _unit(q - self.center[i]) * np.where(self.inward[i], -1.0, 1.0)[:, None]
+        )
+        return true, shading
+
+    def areas(self) -> Array:
+        size = np.linalg.norm(np.cross(self.u, self.v), axis=1)
+        factor = np.where(self.kind == "disk", np.pi, np.where(self.kind == "triangle", 0.5, 1.0))
+        return np.concatenate([factor * size, 4 * np.pi * self.radius**2])
+
+    def points(self, which: Array, x: Array, y: Array) -> Array:
+        """Uniform points of primitives, from two uniform numbers each."""
+        p = np.empty((len(which), 3))
+        flat = which < self.flats
+        i, s, t = which[flat], x[flat].copy(), y[flat].copy()
+        over = (self.kind[i] == "triangle") & (s + t > 1)
+        s[over], t[over] = 1 - s[over], 1 - t[over]
+        r, angle = np.sqrt(x[flat]), 2 * np.pi * y[flat]
+        disk = self.kind[i] == "disk"
+        s, t = np.where(disk, r * np.cos(angle), s), np.where(disk, r * np.sin(angle), t)
+        p[flat] = self.o[i] + s[:, None] * self.u[i] + t[:, None] * self.v[i]
+        i, z, angle = which[~flat] - self.flats, 1 - 2 * x[~flat], 2 * np.pi * y[~flat]
+        r = np.sqrt(1 - z**2)
+        way = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1)
+        p[~flat] = self.center[i] + self.radius[i, None] * way
+        return p
+
+
+# ---- materials: those of the schema, their parts behind them
+
+
+def flat_materials(materials: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    flat = [dict(one) for one in materials]
+    for one in flat:  # grows as it goes
+        if one["type"] == "blend":
+            one["first"] = len(flat)
+            flat += [dict(part) for part in one["parts"]]
+    return flat
+
+
+def fresnel_metal(cosine: Array, eta: Array, k: Array) -> Array:
+    """(N, 3), Born & Wolf."""
+    c2 = cosine[:, None] ** 2
+    s2 = 1 - c2
+    base = eta**2 - k**2 - s2
+    both = np.sqrt(base**2 + 4 * eta**2 * k**2)
+    a = np.sqrt(np.maximum((both + base) / 2, 0))
+    c = cosine[:, None]
+    rs = (both + c2 - 2 * a * c) / (both + c2 + 2 * a * c)
+    rp = rs * (c2 * both + s2**2 - 2 * a * c * s2) / (c2 * both + s2**2 + 2 * a * c * s2)
+    return (rs + rp) / 2
+
+
+def fresnel_glass(cosine: Array, ratio: Array) -> tuple[Array, Array]:
+    """Reflectance, and the cosine beyond (NaN: total reflection); `ratio` is the index there over here."""
+    with np.errstate(invalid="ignore"):
+        beyond = np.sqrt(1 - (1 - cosine**2) / ratio**2)
+    across = (cosine - ratio * beyond) / (cosine + ratio * beyond)
+    along = (ratio * cosine - beyond) / (ratio * cosine + beyond)
+    return np.where(np.isnan(beyond), 1.0, (across**2 + along**2) / 2), beyond
+
+
+def _shadowing(cosine: Array, alpha: Array) -> Array:
+    """Smith's G1 of GGX."""
+    tan2 = (1 - cosine**2) / cosine**2
+    return 2 / (1 + np.sqrt(1 + alpha**2 * tan2))
+
+
+class Tracer:
+    def __init__(self, data: dict[str, Any], seed: int):
+        self.data = data
+        self.shapes = Primitives(data)
+        self.materials = flat_materials(data["materials"])
+        self.rng = np.random.default_rng(seed)
+        power = self.shapes.areas() * self.shapes.radiance.sum(axis=1)
+        self.lamps = np.flatnonzero(power > 0)
+        self.lamp_p = power[self.lamps] / power[self.lamps].sum() if len(self.lamps) else power[:0]
+        self.lamp_area = self.shapes.areas()[self.lamps]
+        self.sky = np.array(data["sky"])
+
+    def render(self, count: int) -> tuple[Array, Array]:
+        """So many paths, equally many in each cell of a grid over the image: where on it (N, 2), from 0 to 1
+        from its top left, and their radiance (N, 3).
+        """
+        side = int(np.sqrt(count))
+        grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+        film = (grid + self.rng.random(grid.shape)) / side
+        return film, self._trace(*self._camera(film))
+
+    def _camera(self, film: Array) -> tuple[Array, Array, Array]:
+        camera = {name: np.array(value) for name, value in self.data["camera"].items()}
+        x, y = film[:, :1], film[:, 1:]
+        right, down = camera["top_right"] - camera["top_left"], camera["bottom_left"] - camera["top_left"]
+        d = _unit(camera["top_left"] + x * right + y * down)
+        forward = _unit(camera["top_left"] + (right + down) / 2)
+        return np.broadcast_to(camera["origin"], d.shape).copy(), d, d @ forward
+
+    def _trace(self, o: Array, d: Array, along: Array) -> Array:
+        shapes, data = self.shapes, self.data
+        result = np.zeros_like(o)
+        path = np.arange(len(o))  # which paths are left
+        weight, delta, start = np.ones_like(o), np.ones(len(o), bool), np.full(len(o), -1)
+        low, high = data["camera"]["near_clip"] / along, data["camera"]["far_clip"] / along
+        hidden = shapes.radiance.any(axis=1) if data["hide_emitters"] else None
+        most = data["max_depth"] if data["max_depth"] >= 0 else NO_LIMIT
+        for depth in range(1, most + 1):
+            which, t = shapes.meet(o, d, start, low, high, hidden)
+            away = which < 0
+            if depth > 1 or not data["hide_emitters"]:
+                result[path[away]] += weight[away] * self.sky
+            path, weight, delta, which, t = (x[~away] for x in (path, weight, delta, which, t))
+            o, d = o[~away], d[~away]
+            p = o + t[:, None] * d
+            true, normal = shapes.surface(which, p)
+            seen = delta & (_dot(true, d) < 0)
+            result[path[seen]] += weight[seen] * shapes.radiance[which[seen]]
+            if depth == most or not len(path):
+                break
+            o, start, low, high, hidden = p, which, 0.0, np.inf, None
+            light, d, factor, delta = self._scatter(which, p, -d, normal)
+            result[path] += weight * light
+            weight = weight * factor
+            stays = np.ones(len(path))
+            if data["max_depth"] < 0 and depth > 3:
+                stays = np.minimum(weight.max(axis=1), 0.95)
+            left = self.rng.random(len(path)) < stays
+            left &= weight.any(axis=1)
+            path, weight, o, d, delta, start = (x[left] for x in (path, weight, o, d, delta, start))
+            weight = weight / stays[left, None]
+        return result
+
+    def _scatter(self, which: Array, p: Array, wo: Array, normal: Array) -> tuple[Array, Array, Array, Array]:
+        """Of paths at p: light that comes straight from lamps and is reflected to wo; where they go on, with
+        which weight, and whether they find lamps by chance.
+        """
+        count = len(which)
+        light, wi, factor = np.zeros((count, 3)), wo.copy(), np.zeros((count, 3))
+        delta = np.ones(count, bool)
+        index, n = self.shapes.material[which], normal.copy()
+        while True:  # a blend is one of its parts, by chance; what is two-sided has its normal towards wo
+            two = np.array([m["two_sided"] for m in self.materials], dtype=bool)[index]
+            n = np.where((two & (_dot(n, wo) < 0))[:, None], -n, n)
+            blend = np.array([m["type"] == "blend" for m in self.materials], dtype=bool)[index]
+            if not blend.any():
+                break
+            share = np.array([m.get("weight_of_second", 0.0) for m in self.materials])[index]
+            first = np.array([m.get("first", 0) for m in self.materials])[index]
+            index = np.where(blend, first + (self.rng.random(count) < share), index)
+        for number, material in enumerate(self.materials):
+            on = np.flatnonzero(index == number)
+            if material["type"] != "dielectric":
+                on = on[_dot(n[on], wo[on]) > 0]
+            if material["type"] == "blend" or not len(on):
+                continue
+            method = getattr(self, "_" + material["type"].replace(" ", "_"))
+            light[on], wi[on], factor[on], delta[on] = method(material, which[on], p[on], wo[on], n[on])
+        return light, wi, factor, delta
+
+    def _diffuse(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        f = np.broadcast_to(np.array(m["reflectance"]) / np.pi, p.shape)
+        light = self._points(which, p, n, lambda wi: f)
+        if len(self.lamps):
+            light = light + f * self._lamp(which, p, n)
+        x, y = self.rng.random((2, len(p)))
+        u, v = _frame(n)
+        r, angle = np.sqrt(x)[:, None], (2 * np.pi * y)[:, None]
+        wi = _unit(r * np.cos(angle) * u + r * np.sin(angle) * v + np.sqrt(1 - x)[:, None] * n)
+        return light, wi, f * np.pi, np.zeros(len(p), bool)
+
+    def _mirror(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        wi = 2 * _dot(wo, n)[:, None] * n - wo
+        return 0.0, wi, np.broadcast_to(m["reflectance"], p.shape), True
+
+    def _conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        light, wi, factor, delta = self._mirror(m, which, p, wo, n)
+        return light, wi, factor * fresnel_metal(_dot(wo, n), np.array(m["eta"]), np.array(m["k"])), delta
+
+    def _dielectric(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        outside = _dot(wo, n) > 0
+        n = np.where(outside[:, None], n, -n)
+        ratio = np.where(outside, m["eta"], 1 / m["eta"])
+        cosine = _dot(wo, n)
+        share, beyond = fresnel_glass(cosine, ratio)
+        reflects = self.rng.random(len(p)) < share
+        through = (cosine / ratio - np.nan_to_num(beyond))[:, None] * n - wo / ratio[:, None]
+        wi = np.where(reflects[:, None], 2 * cosine[:, None] * n - wo, through)
+        refracted = np.array(m["transmittance"]) / ratio[:, None] ** 2
+        return 0.0, _unit(wi), np.where(reflects[:, None], np.array(m["reflectance"]), refracted), True
+
+    def _rough_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        alpha, tint = m["alpha"], np.array(m["reflectance"])
+        index = np.array(m["eta"]), np.array(m["k"])
+
+        def f(wi: Array) -> Array:
+            h = _unit(wi + wo)
+            ci, co, ch = (np.maximum(_dot(w, n), 1e-12) for w in (wi, wo, h))
+            d = alpha**2 / np.pi / (ch**2 * (alpha**2 - 1) + 1) ** 2
+            g = _shadowing(ci, alpha) * _shadowing(co, alpha)
+            return tint * fresnel_metal(_dot(wo, h), *index) * (d * g / (4 * ci * co))[:, None]
+
+        light = self._points(which, p, n, f)
+        x, y = self.rng.random((2, len(p)))
+        tan2 = alpha**2 * x / (1 - x)
+        u, v = _frame(n)
+        cosine = 1 / np.sqrt(1 + tan2)
+        r, angle = np.sqrt(1 - cosine**2)[:, None], (2 * np.pi * y)[:, None]
+        h = r * np.cos(angle) * u + r * np.sin(angle) * v + cosine[:, None] * n
+        wi = 2 * _dot(wo, h)[:, None] * h - wo
+        above = (_dot(wi, n) > 0) & (_dot(wo, h) > 0)
+        ci, co = (np.maximum(_dot(w, n), 1e-12) for w in (wi, wo))
+        g = _shadowing(ci, alpha) * _shadowing(co, alpha)
+        share = np.where(above, g * _dot(wo, h) / (co * cosine), 0.0)[:, None]
+        factor = tint * fresnel_metal(np.clip(_dot(wo, h), 0, 1), *index) * share
+        return light, _unit(wi), factor, True
+
+    # ---- light that comes straight
+
+    def _lamp(self, which: Array, p: Array, n: Array) -> Array:
+        """(N, 3) the irradiance that one lamp gives, chosen by its power."""
+        chosen = self.rng.choice(len(self.lamps), len(p), p=self.lamp_p)
+        lamp = self.lamps[chosen]
+        q = self.shapes.points(lamp, *self.rng.random((2, len(p))))
+        true, _ = self.shapes.surface(lamp, q)
+        distance = np.linalg.norm(q - p, axis=1)
+        with np.errstate(all="ignore"):
+            wi = (q - p) / distance[:, None]
+            cosines = np.maximum(_dot(wi, n), 0) * np.maximum(-_dot(wi, true), 0)
+            size = cosines / distance**2 * self.lamp_area[chosen] / self.lamp_p[chosen]
+        on = np.flatnonzero(np.isfinite(size) & (size > 0))
+        met, _ = self.shapes.meet(p[on], wi[on], which[on])
+        on = on[met == lamp[on]]
+        result = np.zeros_like(p)
+        result[on] = size[on, None] * self.shapes.radiance[lamp[on]]
+        return result
+
+    def _points(self, which: Array, p: Array, n: Array, f: Any) -> Array:
+        """(N, 3) what is reflected of lights in a point, spots and suns."""
+        result = np.zeros_like(p)
+        for light in self.data["lights"]:
+            distance = np.full(len(p), np.inf)
+            if light["type"] == "sun":
+                wi = np.broadcast_to(-np.array(light["direction"]), p.shape)
+                arrives = np.broadcast_to(light["irradiance"], p.shape)
+            else:
+                between = np.array(light["position"]) - p
+                distance = np.linalg.norm(between, axis=1)
+                wi = between / distance[:, None]
+                arrives = np.array(light["intensity"]) / distance[:, None] ** 2
+            if light["type"] == "spot light":
+                angle = np.arccos(np.clip(-wi @ np.array(light["axis"]), -1, 1))
+                cutoff, beam = light["cutoff_radians"], light["beam_radians"]
+                fall = np.clip((cutoff - angle) / max(cutoff - beam, 1e-300), 0, 1)
+                arrives = arrives * np.where(angle < beam, 1.0, fall)[:, None]
+            cosine = _dot(wi, n)
+            _, t = self.shapes.meet(p, wi, which)
+            free = (cosine > 0) & (t >= distance * (1 - 1e-9))
+            result += np.where(free[:, None], f(wi) * arrives * cosine[:, None], 0.0)
+        return result
