@@ -49,9 +49,9 @@ def summary(work: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
 def _counts(
     wanted: Sequence[Mutant], told: Callable[..., Explanation | None], by: Callable[[Mutant], Sequence[str]]
 ) -> dict[str, object]:
-    own = {m: one for m in wanted if m.catalogued and (one := told(m))}
-    held_out = {m: one for m in wanted if m.variant and (one := told(m))}
-    orphans = {m: one for m in wanted if m.catalogued and (one := told(m, [m.name]))}
+    own = {m: one for m in wanted if m.catalogued and (one := told(m)) is not None}
+    held_out = {m: one for m in wanted if m.variant and (one := told(m)) is not None}
+    orphans = {m: one for m in wanted if m.catalogued and (one := told(m, [m.name])) is not None}
     result: dict[str, object] = {}
     for kind, cases in (("catalogued", own), ("held_out", held_out)):
         named = [m for m, one in cases.items() if (m.variant or m.name) in _names(one)]

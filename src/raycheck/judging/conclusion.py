@@ -29,8 +29,8 @@ def conclude(
     """
     explained, lights = NOTHING, 1
     if found.outcome is Outcome.FAIL:
-        seen = shown()
-        explained, lights = explain([seen]), seen.lights
+        look = shown()
+        explained, lights = explain([look]), look.lights
         if precision != "float" and not explained.convention:  # of coarse images gross mistakes alone
             explained = NOTHING
     sentence = sentences.reason(found, regions, seconds, explained, lights)
