@@ -12,6 +12,7 @@ together, or nothing; and with it all mistakes that are the same picture, likely
 them a little differently. Of parts that differ two may be said, as either one or the other.
 """
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -259,11 +260,14 @@ def _round(looks: Sequence[Look], groups: Sequence[Group], number: int) -> list[
 
 def _unknown(looks: Sequence[Look], number: int, like: Standing) -> Standing:
     """In each of several scenes whatever explains that scene best: parts of the light, or nothing sayable."""
-    best = 0.0
-    for look in looks:
-        alone = _round([look], [_right([look]), *_of_one_scene(look)], number)
-        best += max(s.likelihood for s in alone)
+    best = sum(_best_alone(look, number) for look in looks)
     return Standing(None, best, like.group, like.index, like.fits)
+
+
+@functools.lru_cache(maxsize=1024)
+def _best_alone(look: Look, number: int) -> float:
+    """ℓ of whatever explains one scene best."""
+    return max(s.likelihood for s in _round([look], [_right([look]), *_of_one_scene(look)], number))
 
 
 def _groups(looks: Sequence[Look], without: Sequence[str]) -> Iterator[Group]:

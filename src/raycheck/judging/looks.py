@@ -27,7 +27,7 @@ IMAGE_ERRORS = 5.0
 Sets = tuple[TileErrors, TileErrors]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Look:
     """What was seen of one scene."""
 
