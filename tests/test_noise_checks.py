@@ -7,6 +7,8 @@ import pytest
 from test_verify import judged, noisy
 
 from raycheck.judging import checks
+from raycheck.scene.content import read_content
+from raycheck.scene.variants import scene_path
 from raycheck.stats.verdict import Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
@@ -70,7 +72,18 @@ def test_rare_samples_are_not_called_stuck():
         assert checks.stuck_noise(few, 16, more, 64) is None
 
 
-def test_clamped_samples():
-    assert "clamped" in checks.clamped_samples(-0.02, 0.2)
-    assert checks.clamped_samples(-0.02, 1.0) is None
-    assert checks.clamped_samples(0.02, 0.2) is None
+def test_a_filter_of_the_scene_makes_neighbours_alike(truth):
+    """That is then no mistake; seeds that share noise are one still."""
+    noise = np.random.default_rng(0).standard_normal((16, 32, 34, 3))
+    wide = 1 + 0.1 * (noise[:, :, 2:] + noise[:, :, 1:-1] + noise[:, :, :-2])
+    assert "side by side share noise" in checks.shared_noise(wide)
+    assert checks.shared_noise(wide, filtered=True) is None
+    assert "share noise" in checks.shared_noise(wide[[0, 0, *range(1, 12)]], filtered=True)
+    assert not read_content(scene_path("point-light")).filtered
+
+
+def test_mitsuba_s_default_filter_is_wide(tmp_path):
+    text = scene_path("point-light").read_text()
+    for wider in (text.replace('<rfilter type="box"/>', ""), text.replace('type="box"', 'type="tent"')):
+        (tmp_path / "scene.xml").write_text(wider)
+        assert read_content(tmp_path / "scene.xml").filtered

@@ -6,6 +6,7 @@ Synthetic renderers give the closed form or the reference plus noise. Seeds are 
 
 import json
 import os
+import re
 import subprocess
 import sys
 import textwrap
@@ -68,7 +69,7 @@ class TestVerdicts:
     def test_too_bright(self, truth):
         case = judged(noisy(1.03 * truth))
         assert case.verdict is Outcome.FAIL
-        assert "everything is 3.1 % too bright" in case.reason
+        assert re.search(r"^everything is [23]\.\d+ % ± [\d.]+ % too bright", case.reason)
         assert case.bias == pytest.approx(0.03, abs=0.003)
 
     def test_dark_corner(self, truth):
@@ -124,7 +125,7 @@ class TestVerdicts:
         (lambda x: x * np.pi, "a factor of π"),
         (lambda x: x / 2, "a factor of 1/2"),
         (lambda x: 2 * x[::-1], "upside down"),
-        (lambda x: x * 1.37, "1.37 times too bright"),
+        (lambda x: x * 1.37, "everything is 37 % ± "),
         (lambda x: encode_srgb(x), "sRGB-encoded"),
         (lambda x: x[:, :63], "63×64 pixels, the scene asks for 64×64"),
     ],
@@ -268,7 +269,7 @@ class TestOtherRenderers:
     def test_mitsuba_twice_too_bright(self):
         case = judged(self.mitsuba + " factor=2", "area-light")
         assert case.verdict is Outcome.FAIL
-        assert "times too bright, a factor of 2" in case.reason
+        assert "times as bright as it should be, a factor of 2" in case.reason
         assert case.images < 10
 
     @pytest.mark.parametrize(("depth", "fails"), [("10", False), ("9", True)])

@@ -19,7 +19,7 @@ from raycheck.base.files import whole, write_whole
 from raycheck.base.seeds import make_seeds
 from raycheck.calibration import mutants, trials
 from raycheck.calibration.mutants import Mutant
-from raycheck.judging.diagnosis import folder
+from raycheck.judging.mistakes import folder
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import applicable, technique

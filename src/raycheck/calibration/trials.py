@@ -14,6 +14,8 @@ from raycheck.base.images import Image
 from raycheck.calibration import rivals
 from raycheck.calibration.mutants import OPTIONS
 from raycheck.judging import checks
+from raycheck.judging.conclusion import gross_mistake
+from raycheck.judging.looks import look
 from raycheck.judging.plan import measure_pilot
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES, PILOT_SPP, case_seeds
 from raycheck.judging.verify import verify
@@ -91,8 +93,7 @@ def judge_images(
     first, second = residuals[:BATCHES], residuals[BATCHES:]
     found = judge(first, second, expected)
     fails = found.outcome is Outcome.FAIL or bool(
-        checks.name_mistake(pilot_images, truth.mean, truth.variance, gross=True)
-        or checks.shared_noise(images)
+        gross_mistake(pilot_images, truth, look("", pilot_images, truth)) or checks.shared_noise(images)
     )
     return Sets(regions, expected, first, second, found, fails)
 
@@ -134,11 +135,13 @@ def try_program(program: Program, scene: str, truth: Truth, spp: int, seed: int 
     seeds = case_seeds(scene, "renderer", seed, range(first, first + count))[: 1 + PILOT_IMAGES + 2 * BATCHES]
     ends = 1 + PILOT_IMAGES
     requests = [(1, seeds[0]), *((PILOT_SPP, s) for s in seeds[1:ends]), *((spp, s) for s in seeds[ends:])]
+    singles = [(1, s) for s in seeds[1:ends]]
     try:
-        made = program.images(scene, requests)
+        made = program.images(scene, requests + singles)
     except RenderError as error:
         return Trial(str(error), {}, None, None, requests, spp)
-    [case] = verify(Ready(dict(zip(requests, made, strict=True))), [scene], spp=spp, seed=seed, jobs=1).cases
-    images = made[ends:]
+    ready = Ready(dict(zip(requests + singles, made, strict=True)))
+    [case] = verify(ready, [scene], spp=spp, seed=seed, jobs=1).cases
+    images = made[ends : len(requests)]
     rejected = {"raycheck": case.verdict is Outcome.FAIL, **rivals.judge(images, spp, truth)}
     return Trial(case.reason, rejected, made[1:ends], images, requests, spp)

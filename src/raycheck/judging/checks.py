@@ -6,20 +6,14 @@ is wrong.
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.images import Image, Window, decode_srgb
-from raycheck.base.text import percent
-from raycheck.stats.tiles import Tile, grid, region_means, region_variances
+from raycheck.base.images import Image, Window
 from raycheck.truth.expected import Truth
 
-GROSS_RATIO = 30.0
-"""Mean squared difference over its expected noise, from which a mistake counts as gross…"""
-GROSS_SIZE = 0.02
-"""…if it is also at least this large, relative to the image."""
 SHARED = 0.5
 """Correlation of the noise of neighbouring pixels, or of two seeds, from which it is a mistake."""
 RARE = 2.0
@@ -30,10 +24,10 @@ GROWTH_ERROR, GROWTH_ERRORS = 0.7, 5.0
 """Standard error of the logarithm of a region's variance from eight images, and how many of the median's are
 beyond chance.
 """
+LAMP, FEWEST_CAPPED = 4.0, 32
+"""Share of a cap from which a pixel may show a lamp; samples that end at it, in half as many pixels."""
 OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
 """Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
-FEWER_NOISY = 0.5
-"""Variance of a sample over the reference's, below which samples that are too dark look clamped."""
 
 
 def size_problem(image: Image, height: int, width: int, part: Window | None = None) -> str | None:
@@ -90,8 +84,8 @@ def seed_problem(digests: Sequence[str], labels: Sequence[str], reference_varies
     )
 
 
-def shared_noise(images: Array) -> str | None:
-    """Seeds, or neighbouring pixels, whose noise is alike: too little is measured between them."""
+def shared_noise(images: Array, filtered: bool = False) -> str | None:
+    """Seeds whose noise is alike, or neighbouring pixels, if no filter of the scene makes it so."""
     grey = images.mean(axis=3)
     deviation = grey.std(axis=0)
     varies = deviation > 0
@@ -111,6 +105,8 @@ def shared_noise(images: Array) -> str | None:
             f"images {one + 1} and {other + 1} share noise (correlation {of_seeds.max():.2f}): "
             "different seeds must give different samples"
         )
+    if filtered:
+        return None
     for step, where in ((noise[:, :, 1:] * noise[:, :, :-1], "side by side"),
                         (noise[:, 1:] * noise[:, :-1], "above each other")):  # fmt: skip
         pairs = (varies[:, 1:] & varies[:, :-1]) if where == "side by side" else (varies[1:] & varies[:-1])
@@ -157,115 +153,7 @@ def another_picture(few: Array, spp: int, many: Array, more: int) -> str | None:
     return f"with {more} samples per pixel it is another picture than with {spp}, {times} as bright"
 
 
-def clamped_samples(bias: float, noise: float) -> str | None:
-    """Too dark and yet calmer than the reference's renderer at equal samples: what is missing is the rare
-    bright ones. `noise` is the ratio of the variances, `bias` that of the image, relative.
-    """
-    if bias >= 0 or noise > FEWER_NOISY:
-        return None
-    return (
-        f"the image is too dark and its samples vary {noise:.2g} times as much as the reference's: it looks "
-        "as if bright samples were clamped, or never taken"
-    )
-
-
-def name_mistake(
-    images: Array, reference: Array, reference_variance: Array, lights: int = 1, gross: bool = False
-) -> str | None:
-    """A mistake of convention that explains how the images differ from the reference, or None.
-
-    With `gross` only differences far beyond noise count, so that a few batches suffice; without it the caller
-    already knows that the images differ.
-    """
-    clamp = _clamped(images, reference, reference_variance)
-    if clamp:
-        return clamp
-    mean = images.mean(axis=0)
-    tiles = grid(*reference.shape[:2])
-    yardstick = _yardstick(reference, tiles)
-    noise = _noise(images, tiles) + region_variances(reference_variance, tiles)
-    before = _mismatch(mean, reference, tiles, yardstick, noise)
-    size = math.sqrt(np.mean((region_means(mean - reference, tiles) / yardstick) ** 2))
-    if gross and (before < GROSS_RATIO or size < GROSS_SIZE):
-        return None
-
-    def explains(after: float, before: float = before) -> bool:
-        return after < before / 25 or (not gross and after < 2.5 and after < before / 4)
-
-    turns = {
-        "the image is upside down (PFM stores rows from the bottom up, EXR from the top down)": mean[::-1],
-        "the image is mirrored, left and right swapped": mean[:, ::-1],
-        "the image is turned by 180°": mean[::-1, ::-1],
-        "red and blue are swapped": mean[:, :, ::-1],
-    }
-    if reference.shape[0] == reference.shape[1]:
-        turns["rows and columns are swapped"] = mean.transpose(1, 0, 2)
-    for sentence, turned in turns.items():
-        if explains(_mismatch(turned, reference, tiles, yardstick, noise)):
-            return sentence
-    factor = _factor(mean, reference, tiles, yardstick)
-    if factor > 0:
-        if explains(_mismatch(mean / factor, reference, tiles, yardstick, noise / factor**2)):
-            return _factor_sentence(factor, lights)
-        for sentence, turned in turns.items():
-            factor = _factor(turned, reference, tiles, yardstick)
-            if factor > 0 and explains(
-                _mismatch(turned / factor, reference, tiles, yardstick, noise / factor**2)
-            ):
-                return f"{sentence}, and {_factor_sentence(factor, lights)}"
-    return _encoded(images, reference, reference_variance, explains)
-
-
-def _yardstick(reference: Array, tiles: list[Tile]) -> Array:
-    means = region_means(reference, tiles)
-    floor = np.abs(reference).mean(axis=(0, 1)) / 10
-    return np.maximum(np.abs(means), np.where(floor > 0, floor, max(float(np.abs(reference).max()), 1e-30)))
-
-
-def _noise(images: Array, tiles: list[Tile]) -> Array:
-    means = region_means(images, tiles)
-    return means.var(axis=0, ddof=1) / len(images) if len(images) > 1 else np.zeros(means.shape[1:])
-
-
-def _mismatch(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array, noise: Array) -> float:
-    """Mean squared difference of tiles, relative to the brighter of the two, over what noise alone would give
-    (with rounding as its floor). No tile counts for more than 1, so that a lamp where none should be does not
-    outweigh the rest of the image.
-    """
-    found = region_means(mean, tiles)
-    brighter = np.maximum(yardstick, np.abs(found))
-    difference = (found - region_means(reference, tiles)) / brighter
-    return float((difference**2).mean() / ((noise / brighter**2).mean() + 1e-8))
-
-
-def _factor(mean: Array, reference: Array, tiles: list[Tile], yardstick: Array) -> float:
-    r = region_means(reference, tiles) / yardstick
-    m = region_means(mean, tiles) / yardstick
-    return float((r * m).sum() / (r * r).sum()) if np.any(r) else 0.0
-
-
-def _factor_sentence(factor: float, lights: int) -> str:
-    known = {
-        "π": math.pi, "2π": 2 * math.pi, "4π": 4 * math.pi, "π/2": math.pi / 2, "2": 2.0, "4": 4.0,
-        "1/π": 1 / math.pi, "1/(2π)": 0.5 / math.pi, "1/(4π)": 0.25 / math.pi, "2/π": 2 / math.pi,
-        "1/2": 0.5, "1/4": 0.25,
-    }  # fmt: skip
-    if lights > 1:
-        known = {
-            f"{lights}, the number of lights": float(lights),
-            f"1/{lights}, 1/number of lights": 1 / lights,
-        } | known
-    close = {name: abs(factor / value - 1) for name, value in known.items()}
-    best = min(close, key=close.__getitem__)
-    likely = f", a factor of {best}" if close[best] < 0.015 else ""
-    if abs(factor - 1) < 0.2:
-        return f"everything is {percent(factor - 1)} too {'bright' if factor > 1 else 'dark'}"
-    if factor < 1:
-        return f"everything is too dark, {factor:.4g} of what it should be{likely}"
-    return f"everything is {factor:.4g} times too bright{likely}"
-
-
-def _clamped(images: Array, reference: Array, reference_variance: Array) -> str | None:
+def clamped(images: Array, reference: Array, reference_variance: Array) -> str | None:
     """No value of any image above a cap that the reference's mean exceeds: no noise can do that."""
     cap = float(images.max())
     excess = reference - 6 * np.sqrt(reference_variance) > cap * 1.005
@@ -278,26 +166,24 @@ def _clamped(images: Array, reference: Array, reference_variance: Array) -> str 
     )
 
 
-def _encoded(
-    images: Array, reference: Array, reference_variance: Array, explains: Callable[..., bool]
-) -> str | None:
-    """sRGB or gamma 2.2 instead of linear values; judged where the reference is too dark to have been
-    clipped.
+def capped_samples(images: Array, truth: Truth) -> str | None:
+    """Samples that all end at one value, in many places: of images (B, H, W, 3) with one sample per pixel.
+    Not where the reference shows a lamp, whose radiance many samples have.
     """
-    tiles = [t for t in grid(*reference.shape[:2]) if reference[t.window].max() < 0.8]
-    if len(tiles) * 4 < len(grid(*reference.shape[:2])) or images.min() < 0:
-        return None
-    yardstick = _yardstick(reference, tiles)
-    reference_noise = region_variances(reference_variance, tiles)
-    before = _mismatch(
-        images.mean(axis=0), reference, tiles, yardstick, _noise(images, tiles) + reference_noise
+    bright = images.max(axis=3)
+    cap = float(bright.max())
+    lamp = np.pad(truth.mean.max(axis=2) >= cap / LAMP, 1, mode="edge")
+    near = np.any(
+        [lamp[i : i + bright.shape[1], j : j + bright.shape[2]] for i in range(3) for j in range(3)], axis=0
     )
-    found = {}
-    for name, decoded in (("sRGB-encoded", decode_srgb(images)), ("gamma-encoded (2.2)", images**2.2)):
-        noise = _noise(decoded, tiles) + reference_noise
-        found[name] = _mismatch(decoded.mean(axis=0), reference, tiles, yardstick, noise)
-    nearer = min(found, key=found.__getitem__)
-    return f"the values are {nearer}, linear radiance is needed" if explains(found[nearer], before) else None
+    at_cap = (bright >= cap * (1 - 1e-5)) & ~near
+    pixels = int(at_cap.any(axis=0).sum())
+    if cap <= 0 or at_cap.sum() < FEWEST_CAPPED or pixels < FEWEST_CAPPED // 2:
+        return None
+    return (
+        f"bright samples are clamped at {cap:.4g}: {int(at_cap.sum())} samples in {pixels} pixels have just "
+        "that value, and none has more"
+    )
 
 
 class Broken(Exception):

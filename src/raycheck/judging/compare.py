@@ -12,8 +12,11 @@ from raycheck.base.errors import NotFound
 from raycheck.base.images import Image, load_image
 from raycheck.base.text import percent, signed
 from raycheck.judging import checks, sentences
+from raycheck.judging.explanations import explain
+from raycheck.judging.looks import look
 from raycheck.stats.tiles import SMALLEST, Tile, place, region_means, region_variances, whole
 from raycheck.stats.verdict import ALPHA, CONFIDENCE, SYSTEMATIC, Limits, Outcome
+from raycheck.truth.expected import Truth
 
 TAME_ERROR = 0.05
 """Tiles grow until their standard error is at most this share of their mean, since then no few samples rule
@@ -98,8 +101,9 @@ def _judge(first: str, second: str, a: Image, b: Image, limits: Limits) -> Compa
     where = _place(regions[worst[0]], height, width)
     if p.min() <= ALPHA:
         outcome = Outcome.FAIL
-        sentence = checks.name_mistake(b.pixels[None], a.pixels, variance)
-        reason = f"{sentence}: " if sentence else ""
+        known = Truth(a.pixels, a.stderr**2, b.stderr**2, {}, 2, closed_form=False)
+        explained = explain([look("", b.pixels[None], known)])
+        reason = f"{sentences.explanation(explained)}: " if explained.convention else ""
         chance = sentences.odds(float(p.min()), "two renders of the same mean")
         reason += f"{where} differs by {amount} in {sentences.CHANNELS[worst[1]]} ({chance})"
     elif inside.all():

@@ -6,9 +6,10 @@ from typing import Any
 
 from raycheck.base.arrays import Array
 from raycheck.base.images import is_whole
-from raycheck.judging import diagnosis, sentences
+from raycheck.judging import checks, sentences
 from raycheck.judging.cases import Case
-from raycheck.judging.tile_errors import tile_errors
+from raycheck.judging.explanations import NOTHING, explain
+from raycheck.judging.looks import Look
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import Tile
 from raycheck.stats.verdict import Judgement, Outcome
@@ -21,18 +22,18 @@ def template_name(of: Variant) -> str:
 
 
 def conclude(
-    found: Judgement, regions: list[Tile], of: Variant, images: Array, truth: Truth, *,
-    precision: str, mistake: str | None, seconds: float,
-) -> tuple[Judgement, str]:  # fmt: skip
-    """The judgement as it stands with images (B, H, W, 3) of this precision, and its sentence: `mistake`,
-    where a plain check says what is wrong, else what the error looks like. What would decide takes `seconds`.
+    found: Judgement, regions: list[Tile], shown: Callable[[], Look], *, precision: str, seconds: float
+) -> tuple[Judgement, str]:
+    """The judgement as it stands with images of this precision, and its sentence: what `shown` explains,
+    where it FAILs. What would decide takes `seconds`.
     """
-    if found.outcome is Outcome.FAIL and not mistake and precision == "float":
-        suspects, explained = diagnosis.likely(tile_errors(template_name(of), images, truth))
-        sentence = sentences.reason(found, regions, seconds, explained=explained)
-        sentence += sentences.suspicion(suspects)
-    else:
-        sentence = sentences.reason(found, regions, seconds, mistake)
+    explained, lights = NOTHING, 1
+    if found.outcome is Outcome.FAIL:
+        look = shown()
+        explained, lights = explain([look]), look.lights
+        if precision != "float" and not explained.convention:  # of coarse images gross mistakes alone
+            explained = NOTHING
+    sentence = sentences.reason(found, regions, seconds, explained, lights)
     if is_whole(precision) and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
         bits = precision.replace("-bit", " bits")
@@ -41,6 +42,15 @@ def conclude(
     if precision != "float":
         sentence += f"; the images are {precision}, so that biases below their rounding are not seen"
     return found, sentence
+
+
+def gross_mistake(images: Array, truth: Truth, seen: Look) -> str | None:
+    """What a few images show at once: a convention that accounts for an error far beyond noise."""
+    clamped = checks.clamped(images, truth.mean, truth.variance)
+    if clamped or not seen.gross:
+        return clamped
+    explained = explain([seen])
+    return sentences.explanation(explained, seen.lights) if explained.convention else None
 
 
 def case_maker(label: str, technique: str, truth: Truth, **known: Any) -> Callable[..., Case]:

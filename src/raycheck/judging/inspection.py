@@ -1,6 +1,7 @@
 """Which mistake makes an image like this? Images, or a renderer, against the catalogue of mistakes."""
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,10 +13,10 @@ from raycheck.base.errors import ImageError, NotFound, RenderError
 from raycheck.base.images import load_image, write_png
 from raycheck.base.seeds import make_seeds
 from raycheck.base.text import percent
-from raycheck.judging import checks, diagnosis, parts, sentences
+from raycheck.judging import checks, mistakes, sentences
 from raycheck.judging.agenda import renderer_agenda
-from raycheck.judging.diagnosis import Diagnosis
-from raycheck.judging.tile_errors import TileErrors, tile_errors
+from raycheck.judging.explanations import Explanation, explain
+from raycheck.judging.looks import Look, look
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import lecture, variants
 from raycheck.scene.content import read_content
@@ -35,7 +36,7 @@ MAP_SCALE = 6
 class Inspection:
     """What was looked at, and what it shows."""
 
-    errors: list[TileErrors] = field(default_factory=list)
+    looks: list[Look] = field(default_factory=list)
     plain: str | None = None
     """What a plain check says at once: nothing more is fitted then."""
     notes: list[str] = field(default_factory=list)
@@ -44,12 +45,11 @@ class Inspection:
 
     def look(self, scene: str, images: Array, truth: Truth, lights: int) -> None:
         """Take in the images (B, H, W, 3) of a scene."""
-        gross = checks.name_mistake(images, truth.mean, truth.variance, lights, gross=True)
-        if gross and not self.plain:
-            self.plain = f"{scene}: {gross}"
-        one = tile_errors(scene, images, truth)
-        self.errors.append(one)
-        if one.size >= max(other.size for other in self.errors):
+        clamped = checks.clamped(images, truth.mean, truth.variance)
+        if clamped and not self.plain:
+            self.plain = f"{scene}: {clamped}"
+        self.looks.append(look(scene, images, truth, lights))
+        if self.looks[-1].size >= max(other.size for other in self.looks):
             self.worst = images, truth
 
 
@@ -78,7 +78,7 @@ def guess_scene(image: Array) -> str:
     """The scene whose reference the image is most like, by the correlation of the tiles' logarithms."""
     best, likeness = "", -np.inf
     usable = np.nan_to_num(np.clip(image, 0, 1e30))
-    for name in diagnosis.scenes():
+    for name in mistakes.scenes():
         mean = references.read_exr(data.references_dir() / f"{name}.exr")[..., :3]
         if mean.shape != image.shape:
             continue
@@ -94,7 +94,7 @@ def guess_scene(image: Array) -> str:
 
 
 def of_renderer(renderer: str, scenes: list[str] | None) -> Inspection:
-    wanted = [variants.variant(name) for name in scenes or diagnosis.complete_scenes()]
+    wanted = [variants.variant(name) for name in scenes or mistakes.complete_scenes()]
     found = Inspection()
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         for task in renderer_agenda(renderer, wanted, Path(folder), explicit=bool(scenes)).tasks:
@@ -105,7 +105,7 @@ def of_renderer(renderer: str, scenes: list[str] | None) -> Inspection:
                 found.notes.append(f"{task.label}: left out: {error}")
                 continue
             found.look(task.label, images, truth_of(reference), task.content.lights)
-    if not found.errors:
+    if not found.looks:
         raise NotFound("; ".join(found.notes))
     return found
 
@@ -124,46 +124,60 @@ def _render(renderer: Renderer, of: Variant, truth: Truth) -> Array:
 def report(found: Inspection) -> tuple[str, bool]:
     """What to print, and whether something is wrong."""
     lines = list(found.notes)
-    if found.plain and not found.errors:
+    if found.plain:
         return "\n".join([*lines, sentence(found.plain)]), True
-    told = diagnosis.diagnose(found.errors)
-    where = ", ".join(one.scene for one in found.errors)
-    if not told.significant:
+    differing = [one for one in found.looks if one.differs]
+    if not differing:
+        seen = "; ".join(f"{one.scene}: {percent(one.detectable)}" for one in found.looks)
+        told = "No difference beyond noise. Of the whole image so much would have been seen"
         return "\n".join(
-            [*lines, f"Nothing to explain: {where} agree with the references within noise."]
+            [*lines, f"{told} ({seen}). raycheck verify takes more samples, and sees less."]
         ), False
-    lines += [sentence(found.plain)] if found.plain else wrong_parts(found.errors)
-    return "\n".join([*lines, *guesses(told)]), True
+    together = explain(found.looks)
+    whole = sentences.explanation(together, found.looks[0].lights)
+    lines += [sentence(whole)] if whole else wrong_parts(differing)
+    if together.convention and not together.mistakes:
+        return "\n".join(lines), True
+    return "\n".join([*lines, *guesses(together)]), True
 
 
 def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] + "."
 
 
-def wrong_parts(found: list[TileErrors]) -> list[str]:
+def wrong_parts(looks: Sequence[Look]) -> list[str]:
     """Says which part of the light is wrong, in the scenes that are furthest off."""
-    worst = sorted(found, key=lambda one: -one.size)[:MOST_SCENES]
-    told = [(one.scene, parts.explain(one)) for one in worst]
-    return [f"{scene}: {sentence(sentences.explanation(told))}" for scene, told in told if told]
+    worst = sorted(looks, key=lambda one: -one.size)[:MOST_SCENES]
+    told = [(one.scene, sentences.explanation(explain([one]), one.lights)) for one in worst]
+    return [f"{scene}: {sentence(words)}" for scene, words in told if words]
 
 
-def guesses(told: Diagnosis) -> list[str]:
-    """The likeliest mistakes in words."""
-    if not told.known:
-        factor = ", since none has just this factor" if told.explained else ""
-        nearest = ". The nearest are:" if told.guesses else "."
-        lines = [f"Unknown: none of {told.candidates} known mistakes explains this{factor}{nearest}"]
-    else:
-        lines = ["The likeliest mistakes:"]
-    for number, guess in enumerate(told.guesses, 1):
-        strength = (
-            "" if 0.8 < guess.strength < 1.25 else f", at {guess.strength:.2g} times its usual strength"
-        )
-        lines += [
-            f"{number}. “{guess.mistake.mistake}” (fit {percent(guess.fit)}{strength})",
-            f"   {guess.mistake.technique}: {lecture.argument(guess.mistake.technique)}.",
-        ]
+def guesses(told: Explanation) -> list[str]:
+    """The mistakes that explain all of it in words, or those that come nearest."""
+    if told.mistakes:
+        lines = [_heading(told)]
+        for number, mistake in enumerate(told.mistakes, 1):
+            argument = lecture.argument(mistake.technique)
+            lines += [f"{number}. “{mistake.mistake}”", f"   {mistake.technique}: {argument}."]
+        scene = mistakes.telling_scene([mistake.name for mistake in told.mistakes])
+        return [*lines, f"{sentence(f'{scene} tells them apart')}"] if scene else lines
+    lines = ["No known mistake explains all of this."]
+    near = [one for one in told.nearest if one.share > WORTH_SAYING]
+    if near:
+        lines += ["Part of it would be explained by:"]
+        lines += [f"- “{one.mistake.mistake}” ({percent(one.share)} of the squared error)" for one in near]
     return lines
+
+
+def _heading(told: Explanation) -> str:
+    several = len(told.mistakes) > 1
+    if told.convention or told.parts:
+        return f"{'Each of these mistakes' if several else 'This mistake'} would do just that:"
+    return "It looks like one of these mistakes:" if several else "It looks like this mistake:"
+
+
+WORTH_SAYING = 0.5
+"""Share of the squared error from which a mistake that does not explain all of it is told."""
 
 
 def write_map(path: Path, images: Array, truth: Truth) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from raycheck.base.text import signed
 from raycheck.judging import checks
 from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
-from raycheck.judging.conclusion import case_maker, conclude, figures
+from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
+from raycheck.judging.looks import look
 from raycheck.judging.plan import cumulants, equivalent_spp, residual_skewness, tile_skewness
 from raycheck.judging.settings import BATCHES
 from raycheck.scene import variants
@@ -23,6 +25,9 @@ from raycheck.stats.tiles import Tile, region_means
 from raycheck.stats.verdict import Judgement, Limits, Outcome, judge
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
+
+FEWEST_IMAGES = 6
+"""Images whose noise can be measured between them alone."""
 
 
 def image_paths(images: str | Sequence[str | Path]) -> list[Path]:
@@ -62,22 +67,20 @@ def judge_pictures(
         return case(Outcome.FAIL, problem)
     images = np.stack([image.pixels for image in loaded])
     coarse = next((image for image in loaded if image.precision != "float"), loaded[0])
-    lights = read_content(of.path, of.parameters).lights
+    content = read_content(of.path, of.parameters)
     residuals = images - truth.mean
     if is_whole(coarse.precision):  # what is brighter than white cannot be compared
         residuals = np.where(images > 0.99, images - np.clip(truth.mean, 0, 1), residuals)
-    mistake = checks.name_mistake(images, truth.mean, truth.variance, lights, gross=True)
+    shown = partial(look, template_name(of), images, truth, content.lights)
+    mistake = gross_mistake(images, truth, shown())
     if mistake:
         return case(Outcome.FAIL, mistake)
     quantum = coarse.quantum if coarse.precision != "float" else None
-    found, regions, classes = judge_few(residuals, truth, limits, quantum)
-    if found.outcome is Outcome.FAIL:
-        mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
-    elif found.outcome is Outcome.INCONCLUSIVE:
+    alike = content.filtered and len(loaded) >= FEWEST_IMAGES
+    found, regions, classes = judge_few(residuals, truth, limits, quantum, independent_pixels=not alike)
+    if found.outcome is Outcome.INCONCLUSIVE:
         return case(found.outcome, _few(found, len(loaded)), **figures(found, regions))
-    found, sentence = conclude(
-        found, regions, of, images, truth, precision=coarse.precision, mistake=mistake, seconds=0.0
-    )
+    found, sentence = conclude(found, regions, shown, precision=coarse.precision, seconds=0.0)
     if classes > 1:
         sentence += (
             f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"
@@ -90,7 +93,7 @@ def judge_few(
     independent_pixels: bool = True,
 ) -> tuple[Judgement, list[Tile], int]:  # fmt: skip
     """Judge the residuals (k, H, W, 3) of few images, with its regions and the classes of pixels that make
-    them many batches; one where the noise of different pixels is not independent, which needs k ≥ 6.
+    them many batches; one where the noise of different pixels is not independent, of FEWEST_IMAGES at least.
     """
     parts = _interleave(residuals) if independent_pixels else _Interleaved(residuals, 1)
     if len(residuals) > 2:

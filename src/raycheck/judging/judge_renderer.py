@@ -15,7 +15,8 @@ from raycheck.judging import checks
 from raycheck.judging.agenda import Task, kept_scene
 from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
-from raycheck.judging.conclusion import case_maker, conclude, figures
+from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
+from raycheck.judging.looks import Look, look
 from raycheck.judging.plan import Pilot, Plan, measure_pilot, pace, plan
 from raycheck.judging.settings import (
     BATCHES,
@@ -104,9 +105,8 @@ class _Renders:
             hint = "; without {seed} in the command runs must differ by themselves"
             raise Broken(problem + ("" if self.task.renderer.takes_seed else hint))
 
-    def mistake(self, images: Array, gross: bool = False) -> str | None:
-        lights = self.task.content.lights
-        return checks.name_mistake(images, self.truth.mean, self.truth.variance, lights, gross=gross)
+    def look(self, images: Array) -> Look:
+        return look(template_name(self.task.of), images, self.truth, self.task.content.lights)
 
     def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int]) -> tuple[Pilot, Plan]:
         """How many samples to take, and the pilot with times from nearer to them."""
@@ -134,7 +134,7 @@ def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case
     first_spp = 1 if fixed else PILOT_SPP
     pilot_images, pilot_made = renders.render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
     renders.check_seeds()
-    mistake = renders.mistake(pilot_images, gross=True)
+    mistake = gross_mistake(pilot_images, truth, renders.look(pilot_images))
     if mistake:
         return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
     times = {1: probe[0].seconds, first_spp: min(m.seconds for m in pilot_made)}
@@ -155,7 +155,7 @@ def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case
     set_b, _ = renders.render(spp or 1, seeds[second : second + BATCHES])
     renders.check_seeds()
     both = np.concatenate([set_a, set_b])
-    problem = checks.shared_noise(both)
+    problem = checks.shared_noise(both, renders.task.content.filtered)
     if not fixed and not problem:
         tame = truth.regions(first_spp, pilot.skewness)
         few = region_means(pilot_images, tame)
@@ -167,15 +167,14 @@ def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
     found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
-    if found.outcome is Outcome.FAIL:
-        mistake = renders.mistake(both)
-        if not mistake and not fixed:
-            mistake = checks.clamped_samples(found.bias_high, pilot.noise)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
     found, sentence = conclude(
-        found, regions, renders.task.of, both, truth,
-        precision=probe[0].image.precision, mistake=mistake, seconds=seconds,
-    )  # fmt: skip
+        found, regions, partial(renders.look, both), precision=probe[0].image.precision, seconds=seconds
+    )
+    if found.outcome is Outcome.FAIL and not fixed and found.bias_high < 0:
+        singles, _ = renders.render(1, seeds[1 : 1 + PILOT_IMAGES])
+        capped = checks.capped_samples(singles, truth)
+        sentence += f"; {capped}" if capped else ""
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions))
 
 

@@ -5,8 +5,10 @@ import re
 from collections.abc import Mapping, Sequence
 
 from raycheck.base.text import duration, percent, signed
-from raycheck.judging.diagnosis import Mistake
-from raycheck.judging.parts import Explanation, Hypothesis
+from raycheck.judging import mistakes
+from raycheck.judging.conventions import Convention
+from raycheck.judging.explanations import NOTHING, Explanation, Factor
+from raycheck.judging.parts import Hypothesis
 from raycheck.stats.tiles import Tile, place
 from raycheck.stats.verdict import Finding, Judgement, Outcome
 
@@ -14,12 +16,10 @@ CHANNELS = ("red", "green", "blue")
 
 
 def reason(
-    found: Judgement, regions: list[Tile], seconds: float, mistake: str | None = None,
-    explained: Explanation | None = None,
+    found: Judgement, regions: list[Tile], seconds: float, explained: Explanation = NOTHING,
+    lights: int = 1,
 ) -> str:  # fmt: skip
-    """The sentence of a verdict. `mistake` is what the plain checks think it is, `explained` the parts of the
-    light that account for all of a bias.
-    """
+    """The sentence of a verdict. `explained` is what may be said to account for all of a bias."""
     height, width = regions[0].height, regions[0].width
     if found.outcome is Outcome.PASS:
         return (
@@ -27,17 +27,16 @@ def reason(
             f"reference, and a bias of {percent(found.mde_image)} would have been noticed"
         )
     if found.outcome is Outcome.FAIL:
-        where = explanation(explained) if explained else _failure(found, regions, height, width)
         chance = min([f.p for f in found.findings] + [found.p_omnibus])
-        sentence = f"{where} ({odds(chance)})"
-        return f"{mistake}: {sentence}" if mistake else sentence
+        where = explanation(explained, lights) or _failure(found, regions, height, width)
+        return f"{where} ({odds(chance)}){suspicion(explained)}"
     return _undecided(found, regions, height, width, seconds)
 
 
 def amount(bias: float, low: float, high: float) -> str:
     """A relative bias and its interval: "12 % ± 0.3 % too dark"."""
     half = (high - low) / 2
-    if bias >= 1:
+    if bias >= 0.8:
         digits = max(0, -math.floor(math.log10(half))) if half > 0 else 3
         return f"{1 + bias:.{digits}f} ± {half:.{digits}f} times as bright as it should be"
     return f"{percent(bias)} ± {percent(half)} too {'bright' if bias > 0 else 'dark'}"
@@ -66,30 +65,90 @@ def part(of: Hypothesis) -> str:
     return f"{what} on {surface}" if of.surface else what
 
 
-def explanation(found: Explanation) -> str:
-    """What is wrong with the light, and that nothing else is."""
-    told = []
-    for one in found.factors[:LISTED]:
-        gone = one.low <= -1 <= one.high
-        size = "missing" if gone else amount(one.bias, one.low, one.high)
-        name = part(one.of)
-        if found.other:
-            name = f"either {name} or {part(found.other)}, which look alike here,"
-        told.append(f"{name} is {size}")
-    more = len(found.factors) - LISTED
-    if more > 0:
-        kind = "lights" if found.factors[0].of.light else "path lengths"
-        told.append(f"{more} more of the {kind} are off too")
-    whole = not found.factors[0].of.says and not found.other
-    return "; ".join([*told, "all of it by the same factor" if whole else "everything else agrees"])
+def explanation(found: Explanation, lights: int = 1) -> str:
+    """What is wrong with the picture, and that nothing else is; empty where only mistakes are known."""
+    if found.convention:
+        return _convention(found.convention, found.factors, lights)
+    if not found.parts:
+        return ""
+    if len(found.factors) > len(found.parts):
+        sizes = [f"{_size(f)} in {channel}" for f, channel in zip(found.factors, CHANNELS, strict=True)]
+        told = [f"{_parts_name(found.parts[0], found.other)} is {', '.join(sizes)}"]
+    else:
+        off = [(p, f) for p, f in zip(found.parts, found.factors, strict=True) if not f.low <= 1 <= f.high]
+        off.sort(key=lambda pair: -abs(pair[1].value - 1))
+        told = [f"{_parts_name(p, found.other)} is {_size(f)}" for p, f in off[:LISTED]]
+        more = len(off) - LISTED
+        if more > 0:
+            kind = (
+                "lights" if found.parts[0].light else "surfaces" if found.parts[0].surface else "path lengths"
+            )
+            told.append(f"{more} more of the {kind} are off too")
+    return "; ".join([*told, "everything else agrees"])
 
 
-def suspicion(mistakes: Sequence[Mistake]) -> str:
-    """The mistakes that a FAIL looks like, as the end of its sentence."""
-    quoted = [f"“{mistake.mistake.rstrip('.')}”" for mistake in mistakes]
-    if len(quoted) < 2:
-        return f"; it looks like this mistake: {quoted[0]}" if quoted else ""
-    return f"; it looks like one of these mistakes: {', '.join(quoted[:-1])} or {quoted[-1]}"
+def _parts_name(of: Hypothesis, other: Hypothesis | None) -> str:
+    return f"either {part(of)} or {part(other)}, which look alike here," if other else part(of)
+
+
+def _size(factor: Factor) -> str:
+    if factor.low <= 0 <= factor.high:
+        return "missing"
+    if factor.low <= 1 <= factor.high:
+        return "right"
+    return amount(factor.value - 1, factor.low - 1, factor.high - 1)
+
+
+def _convention(found: Convention, factors: Sequence[Factor], lights: int) -> str:
+    if found.factors == 3:
+        sizes = [f"{_size(f)} in {channel}" for f, channel in zip(factors, CHANNELS, strict=True)]
+        return f"everything is {', '.join(sizes)}, as by another white balance or colour space"
+    if found.factors == 0:
+        return found.words
+    if factors[0].low <= 0:
+        return "the image is black"
+    size = f"everything is {_size(factors[0])}{_known_factor(factors[0], lights)}"
+    return f"{found.words}, and {size}" if found.words else size
+
+
+def _known_factor(factor: Factor, lights: int) -> str:
+    """The number that a factor probably is, where one alone lies in its interval."""
+    known = {
+        "π": math.pi, "2π": 2 * math.pi, "4π": 4 * math.pi, "π/2": math.pi / 2, "2": 2.0, "4": 4.0,
+        "1/π": 1 / math.pi, "1/(2π)": 0.5 / math.pi, "1/(4π)": 0.25 / math.pi, "2/π": 2 / math.pi,
+        "1/2": 0.5, "1/4": 0.25,
+    }  # fmt: skip
+    if lights > 1:
+        own = {
+            f"{lights}, the number of lights": float(lights),
+            f"1/{lights}, 1/number of lights": 1 / lights,
+        }
+        known = {name: value for name, value in known.items() if value not in own.values()} | own
+    near = [name for name, value in known.items() if factor.low <= value <= factor.high]
+    sharp = (factor.high - factor.low) / 2 < KNOWN_WITHIN * factor.value
+    return f", a factor of {near[0]}" if len(near) == 1 and sharp else ""
+
+
+KNOWN_WITHIN = 0.02
+"""Half of a factor's interval, relative, within which it may be called by the number that lies in it."""
+
+
+def suspicion(found: Explanation) -> str:
+    """The mistakes that a FAIL looks like, as the end of its sentence. Where the picture has a mere factor,
+    of all or of a part of its light, mistakes that nobody has catalogued may have the same one.
+    """
+    quoted = [f"“{mistake.mistake.rstrip('.')}”" for mistake in found.mistakes]
+    if not quoted:
+        return ""
+    factor = bool(found.convention or found.parts)
+    if len(quoted) == 1:
+        return (
+            f"; {'this mistake would do just that' if factor else 'it looks like this mistake'}: {quoted[0]}"
+        )
+    scene = mistakes.telling_scene([mistake.name for mistake in found.mistakes])
+    apart = f" ({scene} tells them apart)" if scene else ""
+    which = "each of these mistakes would do just that" if factor else "it looks like one of these mistakes"
+    return f"; {which}: {', '.join(quoted[:-1])} or {quoted[-1]}{apart}"
 
 
 def _amount_of(finding: Finding) -> str:
@@ -101,7 +160,7 @@ def _failure(found: Judgement, regions: list[Tile], height: int, width: int) -> 
     tiles = [f for f in found.findings if f.region > 0]
     parts = []
     if image:
-        worst = max(image, key=lambda f: abs(f.bias))
+        worst = next((f for f in image if f.channel == found.channel), image[0])
         alone = "" if len(image) == 3 else f" in {' and '.join(sorted({CHANNELS[f.channel] for f in image}))}"
         parts.append(f"the image as a whole is {_amount_of(worst)}{alone}")
     if tiles:

@@ -33,6 +33,8 @@ class SceneContent:
     specular: bool = False
     """Mirrors, glass or mixed materials are about, where no light path can be joined to the eye."""
     hide_emitters: bool = False
+    filtered: bool = False
+    """By a filter wider than a pixel, which makes the noise of neighbours alike; Mitsuba's default is one."""
     unbounded: frozenset[str] = frozenset()
     """Techniques that the scene's comment says have samples without bound ("Unbounded: nee, light: why"), so
     that their variance may be infinite.
@@ -66,6 +68,7 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
     kinds = [emitter.get("type", "") for emitter in root.iter("emitter")]
     shining = [s.get("type", "") for s in root.iter("shape") if s.find("emitter") is not None]
     materials = {bsdf.get("type", "") for bsdf in root.iter("bsdf")}
+    filters = [rfilter.get("type") for rfilter in root.findall("./sensor/film/rfilter")]
     unbounded = re.search(r"^\s*Unbounded: ([-a-z, ]+):", "\n".join(document.comments(scene)), re.MULTILINE)
     return SceneContent(
         lights=len(kinds), delta_lights=sum(kind in DELTA_LIGHTS for kind in kinds),
@@ -73,6 +76,6 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
         rr_depth=int(setting("integer", "rr_depth", "5")), sphere_lights=shining.count("sphere"),
         flat_lights=sum(kind in FLAT for kind in shining), faces=sum(kind in MANY_FACES for kind in shining),
         specular=bool(materials & SPECULAR),
-        hide_emitters=setting("boolean", "hide_emitters", "false") == "true",
+        hide_emitters=setting("boolean", "hide_emitters", "false") == "true", filtered=filters != ["box"],
         unbounded=frozenset(unbounded.group(1).replace(" ", "").split(",") if unbounded else ()),
     )  # fmt: skip

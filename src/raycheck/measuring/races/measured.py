@@ -5,8 +5,11 @@ import statistics
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.judging import checks, sentences
+from raycheck.judging import sentences
+from raycheck.judging.conclusion import template_name
+from raycheck.judging.explanations import explain
 from raycheck.judging.judge_images import judge_few
+from raycheck.judging.looks import look
 from raycheck.measuring.races.curves import Curve
 from raycheck.measuring.races.race import Entry
 from raycheck.scene.content import read_content
@@ -62,8 +65,8 @@ def _bias(name: str, images: Array, of: Variant, truth: Truth) -> tuple[str | No
     if found.outcome is not Outcome.FAIL:
         return None, found.mde_image
     lights = read_content(of.path, of.parameters).lights
-    mistake = checks.name_mistake(images, truth.mean, truth.variance, lights)
-    return sentences.reason(found, regions, 0.0, mistake), found.mde_image
+    explained = explain([look(template_name(of), images, truth, lights)])
+    return sentences.reason(found, regions, 0.0, explained, lights), found.mde_image
 
 
 def _to_target(
