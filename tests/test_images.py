@@ -14,7 +14,7 @@ import raycheck
 from raycheck.base import files
 from raycheck.base.errors import ImageError
 from raycheck.base.images import Window, encode_srgb, find_images, load_image, write_exr, write_pfm, write_png
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.truth import references
 
 SIZE = (6, 4)

@@ -12,7 +12,7 @@ import raycheck
 from raycheck.base.errors import NotFound
 from raycheck.base.images import write_exr
 from raycheck.base.processes import windows_lines
-from raycheck.cli import app
+from raycheck.commands.app import app
 from raycheck.grading import package, program
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.submission import SubmissionError, open_submission
