@@ -345,7 +345,7 @@ EXPLANATIONS = of("judging/explanations.py", ["test_explanations.py", "test_diag
     ("little", "LITTLE = 0.05", "LITTLE = 1e-6", "a scene that comes out right has to be explained"),
 ])  # fmt: skip
 
-LOOKS = of("judging/looks.py", ["test_tile_errors.py", "test_explanations.py", "test_verify.py"], [
+LOOKS = of("judging/looks.py", ["test_tile_errors.py", "test_explanations.py"], [
     ("gross-ratio", "GROSS_RATIO = 30.0", "GROSS_RATIO = 0.3", "noise is a gross mistake"),
     ("gross-size", "GROSS_SIZE = 0.02", "GROSS_SIZE = 0.0", "a thousandth is a gross mistake"),
     ("significant", "SIGNIFICANT = 5.0", "SIGNIFICANT = -5.0", "noise is significant"),
@@ -370,7 +370,7 @@ CONVENTIONS = of("judging/conventions.py", ["test_explanations.py"], [
     ("half-a-pixel", "HALF = (0.5, 0.5, 0.0)", "HALF = (0.0, 1.0, 0.0)", "half a pixel is none"),
 ])  # fmt: skip
 
-SENTENCES = of("judging/sentences.py", ["test_explanations.py", "test_verify.py"], [
+SENTENCES = of("judging/sentences.py", ["test_explanations.py"], [
     ("number-of-lights", "if lights > 1:", "if lights > 1000:", "N is not named"),
     ("factor-close", "if len(near) == 1 and sharp else", "if near else", "a wide interval holds π/2"),
     ("missing", "if factor.low <= 0 <= factor.high:", "if False:", "what is missing is 100 % too dark"),

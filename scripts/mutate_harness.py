@@ -36,7 +36,7 @@ from harness_mutants import CHANGES, Change
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES, RESULT = ROOT / "src" / "raycheck", ROOT / "references" / "harness_mutants.json"
-SECONDS = 120.0
+SECONDS = 300.0
 """Time for the tests of one change; a change that makes them take longer is noticed too."""
 KILLED, SURVIVED, STALE, BROKEN = "killed", "survived", "stale", "broken"
 """Broken: the tests could not be run at all, which says nothing."""

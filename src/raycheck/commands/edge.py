@@ -12,6 +12,7 @@ from collections.abc import Callable
 from raycheck.base.errors import PlainError
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.statuses import Status
+from raycheck.base.text import one_line
 
 MACHINES = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOMEM,
@@ -56,7 +57,7 @@ def command_line() -> str:
 
 def _says(line: str, status: Status) -> Status:
     with contextlib.suppress(OSError, ValueError):
-        print(f"raycheck: {line}", file=sys.stderr, flush=True)
+        print(f"raycheck: {one_line(line)}", file=sys.stderr, flush=True)
     return status
 
 
