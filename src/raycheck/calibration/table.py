@@ -65,9 +65,9 @@ def _naming(naming: Mapping[str, Any]) -> str:
         parts.append(
             f"By {which}: of {own['of']} catalogued mistakes {own['named']} are called by their names and "
             f"{len(own['wrong'])} by others'; of {held_out['of']} in another form than the catalogue's "
-            f"{held_out['named']} and {len(held_out['wrong'])}, {held_out['among_three']} are among the nearest "
-            f"three; of {orphans['of']} whose own signature was taken away {len(orphans['wrong'])} are called "
-            "by the name of one that looks otherwise"
+            f"{held_out['named']} and {len(held_out['wrong'])}, {held_out['among_three']} are among the "
+            f"nearest three; of {orphans['of']} whose own signature was taken away {len(orphans['wrong'])} "
+            "are called by the name of one that looks otherwise"
         )
     return f"Naming mistakes that differ from the reference for sure. {'. '.join(parts)}."
 
