@@ -1,5 +1,6 @@
-/* The header functions over arrays, for tests/test_sampling.py, test_materials.py and test_surfaces.py. Each entry takes n
-   columns of numbers, in[row * n + i], and gives as many, out[row * n + i]; LANES of them go at a time. */
+/* The header functions over arrays, for tests/test_sampling.py, test_densities.py, test_materials.py and
+   test_surfaces.py. Each entry takes n columns of numbers, in[row * n + i], and gives as many, out[row * n + i];
+   LANES of them go at a time. */
 #include "estimators/light.h"
 #include "prepare/prepare.h"
 
@@ -241,6 +242,20 @@ OVER_COLUMNS(evaluate)
     put_light(b, 0, e.f_r);
     put(b, 3, e.pdf_w);
     put_light(b, 4, e.factor);
+}
+
+/* A ray (o, d) to the surface met, as a receiver (p, n, slot), and 1 where it can receive, being no delta. */
+OVER_COLUMNS(receiver)
+{
+    Features f = scene->features;
+    Ray ray = {get_vec(b, 0), get_vec(b, 3), real(NUM_MAX), index_of(-1)};
+    Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
+    Mask front;
+    Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
+    put_vec(b, 0, s.p);
+    put_vec(b, 3, s.n);
+    put_index(b, 6, hit.slot);
+    put_mask(b, 7, and_not(hit.slot >= index_of(0), s.delta));
 }
 
 /* ---- Surfaces, of a scene opened for (u, v): a ray (o, d) to (1 where one is met, p, u, v, dp/du, dp/dv). */

@@ -1,9 +1,10 @@
 """How often a mistake is called by its name, and how often by another's.
 
 Three questions, by all complete scenes together and by the one scene that shows a mistake best: is each
-catalogued mistake named, when it is made again with other seeds; is each that is held out (another patch, or
-another strength, of a catalogued one); and is one named that has no counterpart, each catalogued mistake with
-its own signature taken away? What looks just like it in all that is seen is said then, and that is no error.
+catalogued mistake named, by the images that its signature was made of; is each that is held out (another
+patch, or another strength, of a catalogued one, with seeds of its own); and is one named that has no
+counterpart, each catalogued mistake with its own signature taken away? What looks just like it in all that is
+seen is said then, and that is no error.
 """
 
 from collections.abc import Callable, Sequence

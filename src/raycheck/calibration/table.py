@@ -61,15 +61,15 @@ def _power(mde: Mapping[str, Any]) -> str:
 def _naming(naming: Mapping[str, Any]) -> str:
     parts = []
     for which in ("all scenes", "one image"):
-        told = naming[which]
+        own, held_out, orphans = (naming[which][kind] for kind in ("catalogued", "held_out", "orphans"))
         parts.append(
-            f"By {which}: {told['first']} of {told['held_out']} at the first guess, {told['among_three']} "
-            f"among three; {told['unknown']} of {told['orphans']} mistakes whose own signature was taken "
-            f"away are called unknown, {told['odd_half_unknown']} of {told['odd_half']} in the half that the "
-            f"threshold was not chosen by, {told['unknown'] - told['twins_unknown']} of "
-            f"{told['orphans'] - told['twins']} that look like no other"
+            f"By {which}: of {own['of']} catalogued mistakes {own['named']} are called by their names and "
+            f"{len(own['wrong'])} by others'; of {held_out['of']} in another form than the catalogue's "
+            f"{held_out['named']} and {len(held_out['wrong'])}, {held_out['among_three']} are among the "
+            f"nearest three; of {orphans['of']} whose own signature was taken away {len(orphans['wrong'])} "
+            "are called by the name of one that looks otherwise"
         )
-    return f"Naming mistakes in another form than the catalogue's. {'. '.join(parts)}."
+    return f"Naming mistakes that differ from the reference for sure. {'. '.join(parts)}."
 
 
 def _gradings(found: Mapping[str, Any]) -> str:
