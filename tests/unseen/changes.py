@@ -1,9 +1,10 @@
 """Mistakes and conventions in oneray that nobody tuned for: small changes of its sources, one at a time.
 
-Written without a look at the catalogue (tests/mutants), as students make them. A change replaces one text, which is
-there once in a file below src/oneray, by another; it says in which scene it shows and with which technique, what
-was done, and what is true of the picture.
+Written without a look at the catalogue (tests/mutants), as students make them. A change replaces one text,
+which is there once in a file below src/oneray, by another; it says in which scene it shows and with which
+technique, what was done, and what is true of the picture.
 """
+# ruff: noqa: E501
 
 from __future__ import annotations
 
@@ -33,12 +34,12 @@ def of(file: str, rows: Sequence[Sequence[str]]) -> Iterator[Change]:
 
 EVAL = "return light_scale(part->reflectance, REAL_INV_PI);"
 UNIFORM = "light_scale(reflectance, real(2) * cosine)"
-ROW = "store(row->reflectance, m->reflectance);"
+ROW = "albedo[c] += parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance[c];"
 
 
 def each(value: str) -> str:
-    """The reflectance's row, channel by channel."""
-    return f"for (int c = 0; c < 3; c++) row->reflectance[c] = (Num)({value});"
+    """A diffuse reflectance r, channel by channel."""
+    return f"{{ const double *r = d->materials[parts[i].material].as.diffuse.reflectance; albedo[c] += parts[i].share * ({value}); }}"
 
 
 DIFFUSE = of("materials/diffuse.h", [
@@ -59,24 +60,6 @@ DIFFUSE = of("materials/diffuse.h", [
      "bounces: another distribution, reflected wrong"),
     ("uniform-cosine-squared", UNIFORM, "light_scale(reflectance, real(3) * cosine * cosine)",
      "area-light walk-uniform", "cos^2, normalised", "direct too bright above, too dark aside"),
-    ("row-squared", ROW, each("m->reflectance[c] * m->reflectance[c]"), "cornell-box mis-power",
-     "gamma 2 taken off albedos", "albedo squared everywhere"),
-    ("row-srgb", ROW, each("pow(m->reflectance[c], 2.2)"), "area-light mis-power", "gamma 2.2 taken off albedos",
-     "albedo^2.2 everywhere"),
-    ("row-encoded", ROW, each("pow(m->reflectance[c], 1 / 2.2)"), "cornell-box nee", "albedos gamma encoded",
-     "albedo^.4545 everywhere"),
-    ("row-bgr", ROW, each("m->reflectance[2 - c]"), "cornell-box nee", "albedos read as B G R, lamps as R G B",
-     "surfaces' colours exchanged, lamps' not"),
-    ("row-grey", ROW, each("(m->reflectance[0] + m->reflectance[1] + m->reflectance[2]) / 3"), "cornell-box nee",
-     "grey albedos", "surfaces grey"),
-    ("row-dim", ROW, each("0.8 * m->reflectance[c]"), "many-lights nee", "an energy loss of .8 in each albedo",
-     "reflected x .8 (direct)"),
-    ("row-dim-bounces", ROW, each("0.9 * m->reflectance[c]"), "cornell-box nee", "albedos times .9",
-     "direct x .9, two bounces x .81, …"),
-    ("row-cut", ROW, each("fmin(m->reflectance[c], 0.6)"), "area-light nee", "albedo cut at .6",
-     "direct: channels x .6/a"),
-    ("row-boosted", ROW, each("fmin(1, 1.25 * m->reflectance[c])"), "many-lights nee", "albedo times 1.25, cut at 1",
-     "direct x 1.25 (cut at 1)"),
 ])  # fmt: skip
 
 MIRROR = "Scatter scatter = {mirrored(s), part->reflectance,"
@@ -145,6 +128,24 @@ SCATTER = of("materials/scatter.h", [
 ])  # fmt: skip
 
 PREPARE_MATERIALS = of("prepare/materials.h", [
+    ("row-squared", ROW, each("r[c] * r[c]"), "cornell-box mis-power",
+     "gamma 2 taken off albedos", "albedo squared everywhere"),
+    ("row-srgb", ROW, each("pow(r[c], 2.2)"), "area-light mis-power", "gamma 2.2 taken off albedos",
+     "albedo^2.2 everywhere"),
+    ("row-encoded", ROW, each("pow(r[c], 1 / 2.2)"), "cornell-box nee", "albedos gamma encoded",
+     "albedo^.4545 everywhere"),
+    ("row-bgr", ROW, each("r[2 - c]"), "cornell-box nee", "albedos read as B G R, lamps as R G B",
+     "surfaces' colours exchanged, lamps' not"),
+    ("row-grey", ROW, each("(r[0] + r[1] + r[2]) / 3"), "cornell-box nee",
+     "grey albedos", "surfaces grey"),
+    ("row-dim", ROW, each("0.8 * r[c]"), "many-lights nee", "an energy loss of .8 in each albedo",
+     "reflected x .8 (direct)"),
+    ("row-dim-bounces", ROW, each("0.9 * r[c]"), "cornell-box nee", "albedos times .9",
+     "direct x .9, two bounces x .81, …"),
+    ("row-cut", ROW, each("fmin(r[c], 0.6)"), "area-light nee", "albedo cut at .6",
+     "direct: channels x .6/a"),
+    ("row-boosted", ROW, each("fmin(1, 1.25 * r[c])"), "many-lights nee", "albedo times 1.25, cut at 1",
+     "direct x 1.25 (cut at 1)"),
     ("back-as-front", "row % 2 ? d->shapes[i].back : d->shapes[i].front, row % 2);", "d->shapes[i].front, row % 2);",
      "light-below-horizon nee", "one-sided surfaces reflect on both sides", "backs not black"),
     ("blend-share-lost", "parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance[c]",

@@ -1,24 +1,28 @@
 """Mistakes that nobody tuned for: what is said of them, and whether it is true.
 
 Half are made by a renderer of its own, tests/unseen/renderer.cpp, the others are changes of oneray,
-tests/unseen/changes.py; both were written without a look at the catalogue. `judge` has each verified by the one
-scene that shows it; tests/unseen/truth.json says, for each sentence that names something, whether it is so.
+tests/unseen/changes.py; both were written without a look at the catalogue. Each is verified by the one
+scene that shows it. tests/unseen/labels.json says which of them a part of the light, a convention or the
+catalogue covers, and which sentences are so; one that nobody has looked at counts as false.
 """
 
 import difflib
 import hashlib
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from scipy import stats
+
 from raycheck.base.data import ROOT
-from raycheck.base.errors import CannotRender, PatchError
+from raycheck.base.errors import PatchError
 from raycheck.base.files import write_whole
 from raycheck.calibration import mutants
 from raycheck.calibration.lines import append_lines, read_lines
@@ -26,9 +30,14 @@ from raycheck.calibration.mutants import Mutant
 from raycheck.judging.verify import verify
 from raycheck.scene import export, variants
 from raycheck.scene.techniques import technique
+from raycheck.truth import provenance
 
 FOLDER = ROOT / "tests/unseen"
 WORK = ROOT / "build/unseen"
+METHOD = 1
+"""Version of how they are judged, see truth.provenance."""
+CONFIDENCE = 0.95
+"""Of Clopper's and Pearson's interval of the share of false sentences."""
 SECONDS = 4.0
 """What the samples of a case may take."""
 
@@ -77,8 +86,8 @@ def _of_oneray() -> Iterator[Unseen]:
         text = (ROOT / path).read_text(encoding="utf-8")
         if text.count(change.old) != 1:
             raise PatchError(f"{change.name}: {path} has its text {text.count(change.old)} times, not once")
-        lines = [t.splitlines(keepends=True) for t in (text, text.replace(change.old, change.new))]
-        patch = "".join(difflib.unified_diff(*lines, f"a/{path}", f"b/{path}"))
+        old, new = (t.splitlines(keepends=True) for t in (text, text.replace(change.old, change.new)))
+        patch = "".join(difflib.unified_diff(old, new, f"a/{path}", f"b/{path}"))
         yield Unseen(
             change.name, "oneray", change.scene, change.words, change.truth, change.technique, f"\n{patch}"
         )
@@ -115,21 +124,85 @@ def command(one: Unseen) -> str:
     return f"{mutants.program(mutant)} {{scene}} {' '.join(options)} {rest}"
 
 
+def digest(one: Unseen) -> str:
+    """Of what makes the pictures, what they are judged by, and the method."""
+    made = one.patch or (FOLDER / "renderer.cpp").read_text(encoding="utf-8")
+    rest = f"{provenance.digest(METHOD, rests_on(one))} {one.scene} {one.technique}"
+    return hashlib.sha256(f"{made}{rest}".encode()).hexdigest()[:16]
+
+
+def rests_on(one: Unseen) -> list[str]:
+    """The pictures that it is compared with or changes."""
+    own = [f"{one.scene} {one.technique} double"] if one.technique else []
+    return [f"reference {one.scene}", *own]
+
+
 def judge(one: Unseen) -> dict[str, Any]:
     """Verdict and sentence by the scene that shows it."""
-    found = {"name": one.name, "half": one.half, "source": one.source, "scene": one.scene}
-    try:
-        [case] = verify(command(one), [one.scene], seconds=SECONDS).cases
-    except CannotRender as error:
-        return {**found, "verdict": "none", "said": str(error)}
-    return {**found, "verdict": case.verdict.value, "said": case.reason}
+    [case] = verify(command(one), [one.scene], seconds=SECONDS).cases
+    return {
+        "name": one.name, "half": one.half, "source": one.source, "scene": one.scene,
+        "verdict": case.verdict.value, "said": case.reason, "digest": digest(one),
+    }  # fmt: skip
 
 
 def measure(file: Path, wanted: Sequence[Unseen]) -> Iterator[dict[str, Any]]:
-    """What `file` has is kept, the others are added to it as they come."""
-    done = {line["name"] for line in read_lines(file)}
+    """What `file` has of the same pictures is kept, the others are added to it as they come."""
+    done = {(line["name"], line["digest"]) for line in read_lines(file)}
     for one in wanted:
-        if one.name not in done:
+        if (one.name, digest(one)) not in done:
             found = judge(one)
             append_lines(file, [found])
             yield found
+
+
+WHERE = re.compile(r"the image as a whole is|(all )?\d+ (of \d+ )?tiles differ|no single tile is far off")
+"""How a sentence begins that says where a picture differs, and not by what."""
+
+
+def named(said: str) -> str:
+    """What a FAIL's sentence names, its figures left out; empty where it names nothing."""
+    told = re.sub(r" \((by chance )?correct renderers [^()]*\)", "", said)
+    first, *others = told.split("; ")
+    if WHERE.match(first):
+        told = "; ".join(text for text in others if "these mistakes" in text or "this mistake" in text
+                         or text.startswith("bright samples"))  # fmt: skip
+    return re.sub(r"\d+(\.\d+)?", "#", told)
+
+
+def summary(file: Path, wanted: Sequence[Unseen]) -> dict[str, object]:
+    """Every case, and counts for the half that nothing was tuned by, and for the other."""
+    lines = {line["name"]: line for line in read_lines(file)}
+    labels = json.loads((FOLDER / "labels.json").read_text(encoding="utf-8"))
+    judged = [one for one in wanted if one.name in lines and lines[one.name]["digest"] == digest(one)]
+    rows = [_row(one, lines[one.name], labels.get(one.name, {})) for one in judged]
+    pictures = {picture for one in judged for picture in rests_on(one)}
+    return {
+        "provenance": provenance.provenance(METHOD, pictures),
+        **{source: sum(row["source"] == source for row in rows) for source in ("renderer", "oneray")},
+        **{half: _counts([row for row in rows if row["half"] == half]) for half in ("odd", "even")},
+        "rows": rows,
+    }
+
+
+def _row(one: Unseen, line: dict[str, Any], label: dict[str, Any]) -> dict[str, Any]:
+    """`true` is None where nothing is named, and False where nobody has looked at what is."""
+    told = named(line["said"]) if line["verdict"] == "FAIL" else ""
+    return {
+        "name": one.name, "half": one.half, "source": one.source, "scene": one.scene,
+        "verdict": line["verdict"], "said": line["said"], "covered": label.get("covered", False),
+        "true": told in label.get("true", []) if told else None,
+    }  # fmt: skip
+
+
+def _counts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    fails = [row for row in rows if row["verdict"] == "FAIL"]
+    names = [row for row in fails if row["true"] is not None]
+    false = [row["name"] for row in names if not row["true"]]
+    covered = [row for row in fails if row["covered"]]
+    low, high = stats.binomtest(len(false), max(len(names), 1)).proportion_ci(CONFIDENCE, "exact")
+    return {
+        "of": len(rows), "failed": len(fails), "named": len(names), "false": false,
+        "false_rate": [round(float(low), 5), round(float(high), 5)], "confidence": CONFIDENCE,
+        "covered": len(covered), "covered_named": sum(bool(row["true"]) for row in covered),
+    }  # fmt: skip

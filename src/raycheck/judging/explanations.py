@@ -41,6 +41,8 @@ LITTLE = 0.05
 """Squared error of a channel, relative to the worst of all, below which its share is taken of this."""
 SURELY = 0.98
 """How sure the best must be, if all were equally likely before."""
+REFUTED = 5.0
+"""Standard deviations by which χ² may exceed its mean with what is said: what is left then is no noise."""
 SPECIFIC = 3.0
 """What ℓ has to rise by for each thing more that is said of a part of the light."""
 SHARP = 0.1
@@ -130,6 +132,10 @@ class Standing:
         values = self.fits.strengths[self.index] + self.group.offset
         return tuple(Factor(v, v - h, v + h) for v, h in zip(values.tolist(), half.tolist(), strict=True))
 
+    def fits_well(self) -> bool:
+        """Whether what it leaves is no more than noise, and what it may be off by nature."""
+        return bool(self.fits.misfit[self.index] <= REFUTED)
+
     def sharp(self) -> bool:
         """Whether its strengths are what they are by nature, or else known well enough to be said."""
         found, usual = self.factors(), self.group.usual
@@ -157,7 +163,8 @@ def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
     alike = [
         second[n] for n, s in enumerate(first) if isinstance(s.subject, Mistake) and _same(looks, best, s)
     ]
-    said = _said([s for s in (*same, *alike) if s.sharp() and _accounts(looks, s)], others)
+    found = [s for s in (*same, *alike) if s.sharp() and s.fits_well() and _accounts(looks, s)]
+    said = _said(found, others)
     return replace(said, nearest=nearest)
 
 
