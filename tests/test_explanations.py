@@ -244,6 +244,18 @@ def test_a_mistake_that_leaves_a_tenth_is_not_said(explain: Told) -> None:
         assert bool(named(explain(reference() + wrong, signatures={"a": area(0, TILES)}))) == said
 
 
+def test_what_leaves_more_than_noise_is_not_said(explain: Told) -> None:
+    """It may account for 98 % of the squared error and be another one: a factor that varies over the picture,
+    and beside a part of the light a mistake that is only much like it.
+    """
+    signs = np.where(np.arange(TILES) % 2, 1.0, -1.0)[:, None] * np.ones(3)
+    for size, said in ((0.0, True), (0.11, False)):
+        assert bool(explain(reference() - 0.3 * enlarge(area(0, 22) * (1 + size * signs)), TWO)) == said
+    like = {"like": -0.3 * area(0, 22) * (1 + 0.12 * signs), "same": -0.3 * area(0, 22)}
+    found = explain(reference() - 0.3 * enlarge(area(0, 22)), TWO, like)
+    assert parts_of(found) == ["A"] and named(found) == ["same"]
+
+
 def test_each_channel_has_to_be_explained(explain: Told) -> None:
     wrong = enlarge(area(5, 30) * [1.0, 1.0, 0.6])
     assert not explain(reference() + wrong, signatures={"a": area(5, 30)})
