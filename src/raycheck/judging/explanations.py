@@ -47,6 +47,8 @@ SPECIFIC = 3.0
 """What ℓ has to rise by for each thing more that is said of a part of the light."""
 SHARP = 0.1
 """Half of the interval of a free factor over its size, beyond which it is too little known to be said."""
+LEAK = 0.05
+"""What the factor of a part may vary by over the picture: a mistake may change a later bounce the more."""
 SIMILAR = 0.05
 """What a mistake may be off in a tile, relative to its signature: others make it a little differently."""
 DEGREE = 3
@@ -128,9 +130,25 @@ class Standing:
         return np.asarray(self.fits.explained[self.index])
 
     def factors(self) -> tuple[Factor, ...]:
-        half = -special.ndtri((1 - CERTAINTY) / 2) * self.fits.deviations[self.index]
+        """By the noise, and what several parts may take from each other."""
         values = self.fits.strengths[self.index] + self.group.offset
+        half = self._half() + self._leak()
         return tuple(Factor(v, v - h, v + h) for v, h in zip(values.tolist(), half.tolist(), strict=True))
+
+    def _half(self) -> Array:
+        return np.asarray(-special.ndtri((1 - CERTAINTY) / 2) * self.fits.deviations[self.index])
+
+    def _leak(self) -> Array | float:
+        """Each of several parts may be off by as much as the others would add to it, if LEAK of what is said
+        of them were something else.
+        """
+        if not isinstance(self.subject, tuple) or len(self.subject) == 1:
+            return 0.0
+        strengths = np.abs(self.fits.strengths[self.index])
+        images = self.group.of.directions[self.index].reshape(len(strengths), -1)
+        overlap = images @ images.T
+        shared = overlap / np.maximum(np.diag(overlap), 1e-300)[:, None] - np.eye(len(strengths))
+        return np.asarray(LEAK * shared @ strengths)
 
     def fits_well(self) -> bool:
         """Whether what it leaves is no more than noise, and what it may be off by nature."""
@@ -138,10 +156,10 @@ class Standing:
 
     def sharp(self) -> bool:
         """Whether its strengths are what they are by nature, or else known well enough to be said."""
-        found, usual = self.factors(), self.group.usual
+        strengths, half, usual = self.fits.strengths[self.index], self._half(), self.group.usual
         if usual is not None:
-            return all(usual - USUAL <= f.low and f.high <= usual + USUAL for f in found)
-        return all((f.high - f.low) / 2 <= SHARP * max(abs(g.value - 1) for g in found) for f in found)
+            return bool(np.all(np.abs(strengths - usual) + half <= USUAL))
+        return bool(np.all(half <= SHARP * np.abs(strengths + self.group.offset - 1).max()))
 
 
 def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
