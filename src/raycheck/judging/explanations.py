@@ -33,6 +33,10 @@ CERTAINTY = 0.99
 """Confidence of the interval of a strength…"""
 USUAL = 0.1
 """…which may be so far from the strength that an explanation has by nature."""
+LEFT = 0.07
+"""What a mistake may be off relative to the light that it leaves…"""
+LEAST_LEFT = 0.02
+"""…but no less than that of what it does, where it leaves none."""
 SHARE = 0.98
 """Share of the squared error that an explanation has to account for…"""
 SHARE_ERROR = 0.02
@@ -107,7 +111,9 @@ class Group:
     prior: Sequence[float] = ()
     """Taken from ℓ, for what is said; nothing if empty."""
     usual: float | None = None
-    """The strength by nature."""
+    """The strength by nature…"""
+    within: Sequence[float] = ()
+    """…and how far from it each may be; USUAL if empty."""
     offset: float = 0.0
     """Of a factor over the strength of its direction."""
     encoding: Encoding | None = None
@@ -158,8 +164,10 @@ class Standing:
         """Whether its strengths are what they are by nature, or else known well enough to be said."""
         strengths, half, usual = self.fits.strengths[self.index], self._half(), self.group.usual
         if usual is not None:
-            return bool(np.all(np.abs(strengths - usual) + half <= USUAL))
-        return bool(np.all(half <= SHARP * np.abs(strengths + self.group.offset - 1).max()))
+            within = self.group.within[self.index] if self.group.within else USUAL
+            return bool(np.all(np.abs(strengths - usual) <= np.minimum(USUAL - half, within)))
+        most = np.abs(strengths + self.group.offset - 1).max(initial=0.0)
+        return bool(np.all(half <= SHARP * most))
 
 
 def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
@@ -338,7 +346,19 @@ def _mistakes(looks: Sequence[Look], without: Sequence[str]) -> Iterator[Group]:
             np.stack(x)[:, None] for x in ([s.error for s in known], [s.variance for s in known])
         )
         of = stack(errors, variance, low=1 - USUAL, high=1 + USUAL, inexact=SIMILAR)
-        yield Group([one.of for one in known], of, usual=1.0)
+        yield Group([one.of for one in known], of, usual=1.0, within=_within(looks, errors[:, 0]))
+
+
+def _within(looks: Sequence[Look], errors: Array) -> list[float]:
+    """How far from 1 the strength of mistakes (M, T, 3) may be: by USUAL of what they do, and by LEFT of the
+    light that they leave. A quarter of a light is not an eighth of it.
+    """
+    of_tiles = [region_means(look.truth.mean, grid(*look.truth.shape)) for look in looks]
+    truth, scale = np.concatenate(of_tiles), np.concatenate([look.sets[0].scale for look in looks])
+    there = (errors / scale) ** 2
+    left = np.minimum(((truth + errors) / scale) ** 2, (USUAL / LEFT) ** 2 * there)
+    share = np.sqrt(left.sum(axis=(1, 2)) / np.maximum(there.sum(axis=(1, 2)), 1e-300))
+    return np.maximum(LEFT * share, LEAST_LEFT).tolist()
 
 
 def _of_one_scene(look: Look) -> Iterator[Group]:
