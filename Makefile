@@ -223,6 +223,7 @@ calibrate: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) calibrate signatures
 	$(RAYCHECK) calibrate parts
 	$(RAYCHECK) calibrate naming
+	$(RAYCHECK) calibrate unseen
 	$(RAYCHECK) calibrate gradings --assignment docs/lecture12.toml
 	$(PYTHON) scripts/mutate_harness.py --json references/harness_mutants.json
 	$(PYTHON) scripts/readme.py

@@ -27,7 +27,7 @@ import benchmark_measure
 from raycheck.base.data import ROOT
 from raycheck.base.files import write_whole
 from raycheck.base.text import scenes_json
-from raycheck.calibration import gradings, kills, naming, nulls, part_making, signatures
+from raycheck.calibration import gradings, kills, naming, nulls, part_making, signatures, unseen
 from raycheck.judging import judge_renderer
 from raycheck.measuring import prices
 from raycheck.measuring.races import racing
@@ -98,6 +98,7 @@ RESULTS = (
     _calibrated("mutants", kills.METHOD),
     Result("signatures/manifest.json", "scenes", signatures.METHOD, f"{RAYCHECK} calibrate signatures"),
     _calibrated("naming", naming.METHOD),
+    _calibrated("unseen", unseen.METHOD),
     _calibrated("gradings", gradings.METHOD, "--assignment docs/lecture12.toml"),
     Result("parts/manifest.json", "", part_making.METHOD, f"{RAYCHECK} calibrate parts {{stale}}"),
 )  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.images import encode_srgb
 from raycheck.judging import explanations, fitting, mistakes, parts, sentences
-from raycheck.judging.conventions import pictures
+from raycheck.judging.conventions import ENCODINGS, pictures
 from raycheck.judging.explanations import Explanation, Factor
 from raycheck.judging.looks import Look, look
 from raycheck.judging.mistakes import Mistake, Signatures
@@ -191,6 +191,22 @@ def test_parts_that_can_stand_in_for_each_other_are_said_together_or_not_at_all(
     assert not said or parts_of(found) in (["A direct"], ["A", "A floor"], ["A direct floor"]) or found.other
 
 
+def test_a_right_part_is_not_blamed_for_another(explain: Told) -> None:
+    """Later bounces have no one factor; what is left of them, the direct light could make up for."""
+    ramp = np.linspace(-1, 1, TILES)[:, None]
+    of = {("A", "direct", "floor"): area(0, TILES), ("A", "two bounces", "floor"): 0.3 * area(0, TILES)
+          * (1 + 0.8 * ramp), ("A", "more bounces", "floor"): 0.3 * area(0, TILES) * (1 - 0.8 * ramp**2)}  # fmt: skip
+    lost = 0.1 * of["A", "two bounces", "floor"] + 0.3 * of["A", "more bounces", "floor"] * (1 - 0.15 * ramp**2)
+    said = sentences.explanation(explain(reference() - enlarge(lost), of))
+    assert "more bounces is" in said and "direct" not in said
+
+
+def test_what_is_left_is_not_missing() -> None:
+    """An interval that reaches 0 is said as that."""
+    assert said_of(0.08, 0.1, "", "direct").startswith("the direct light is 92 % ± 10")
+    assert said_of(0.01, 0.02, "", "direct").startswith("the direct light is missing")
+
+
 def test_what_no_part_explains_is_not_said(explain: Told) -> None:
     """Half of a light, and a chessboard."""
     assert not explain(reference() - 0.3 * enlarge(area(0, 11)), TWO)
@@ -242,6 +258,18 @@ def test_a_mistake_that_leaves_a_tenth_is_not_said(explain: Told) -> None:
     for size, said in ((0.02, True), (0.3, False)):
         wrong = enlarge(area(0, TILES) + size * rest)
         assert bool(named(explain(reference() + wrong, signatures={"a": area(0, TILES)}))) == said
+
+
+def test_what_leaves_more_than_noise_is_not_said(explain: Told) -> None:
+    """It may account for 98 % of the squared error and be another one: a factor that varies over the picture,
+    and beside a part of the light a mistake that is only much like it.
+    """
+    signs = np.where(np.arange(TILES) % 2, 1.0, -1.0)[:, None] * np.ones(3)
+    for size, said in ((0.0, True), (0.11, False)):
+        assert bool(explain(reference() - 0.3 * enlarge(area(0, 22) * (1 + size * signs)), TWO)) == said
+    like = {"like": -0.3 * area(0, 22) * (1 + 0.12 * signs), "same": -0.3 * area(0, 22)}
+    found = explain(reference() - 0.3 * enlarge(area(0, 22)), TWO, like)
+    assert parts_of(found) == ["A"] and named(found) == ["same"]
 
 
 def test_each_channel_has_to_be_explained(explain: Told) -> None:
@@ -355,3 +383,11 @@ def test_factors_in_words() -> None:
     assert factor_in_words(3.0, 0.01, lights=3).endswith("a factor of 3, the number of lights")
     assert factor_in_words(0.5, 0.001) == "everything is 50 % ± 0.10 % too dark, a factor of 1/2"
     assert factor_in_words(1.19, 0.001) == "everything is 19.0 % ± 0.100 % too bright"
+
+
+def test_values_above_1_can_be_decoded_unless_they_were_cut_there() -> None:
+    """By a curve that goes on there."""
+    for encoding in ENCODINGS:
+        mapped = "x / (1 + x)" in encoding.convention.words
+        assert encoding.decodes(np.array([0.2, 0.9])) and not encoding.decodes(np.array([0.2, 1.0]))
+        assert encoding.decodes(np.array([0.2, 2.3])) != mapped

@@ -9,6 +9,7 @@ nulls         correct renderers judged many times: false alarms, even p-values, 
 kills         mistakes judged, as they are and weakened; rivals are the rules of other projects
 trials        one renderer on one scene, by all rules, on the same images
 signatures    what each mistake adds to an image; naming tells how often a mistake is called by its name
+unseen        mistakes that nobody tuned for: what is said of them, and whether it is so
 part_making   what each light, path length and surface adds to an image
 gradings      an honest program graded many times
 assignments   an assignment tried out; simulated is oneray as the program of a slower student

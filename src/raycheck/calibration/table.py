@@ -10,7 +10,7 @@ def markdown(found: Mapping[str, Any]) -> str:
     """Kill rates and false alarms by rule, then what else was measured, a line each."""
     return "\n\n".join(
         [_rules(found["mutants"], found["nulls"]), _alarms(found["nulls"]), _power(found["mde"]),
-         _naming(found["naming"]), _gradings(found["gradings"])]
+         _naming(found["naming"]), _unseen(found["unseen"]), _gradings(found["gradings"])]
     )  # fmt: skip
 
 
@@ -70,6 +70,21 @@ def _naming(naming: Mapping[str, Any]) -> str:
             "are called by the name of one that looks otherwise"
         )
     return f"Naming mistakes that differ from the reference for sure. {'. '.join(parts)}."
+
+
+def _unseen(found: Mapping[str, Any]) -> str:
+    odd, even = found["odd"], found["even"]
+    share = 100 * odd["covered_named"] / max(odd["covered"], 1)
+    return (
+        f"Mistakes and conventions that nobody tuned for ([tests/unseen](tests/unseen)), {found['renderer']} "
+        f"of a renderer of its own and {found['oneray']} changes of oneray, each judged by one scene: in the "
+        f"half that no threshold was chosen by, {odd['failed']} of {odd['of']} FAIL, something is named in "
+        f"{odd['named']}, which is false in {len(odd['false'])} ({100 * odd['false_rate'][0]:.1f} … "
+        f"{100 * odd['false_rate'][1]:.1f} % at {100 * odd['confidence']:.0f} % confidence); of "
+        f"{odd['covered']} that a part of the light, a convention or the catalogue covers, "
+        f"{odd['covered_named']} are named at once ({share:.0f} %). In the other half {len(even['false'])} of "
+        f"{even['named']} are false, and {even['covered_named']} of {even['covered']} named."
+    )
 
 
 def _gradings(found: Mapping[str, Any]) -> str:

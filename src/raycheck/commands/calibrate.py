@@ -124,6 +124,24 @@ def run_naming(work: Folder = WORK, json_file: Result = None) -> None:
     _put("naming", naming.summary(work / "signatures", _wanted(None)), json_file)
 
 
+@app.command(name="unseen")
+def run_unseen(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="All by default.")] = None,
+    work: Folder = LINES,
+    json_file: Result = None,
+) -> None:
+    """What is said of mistakes that nobody tuned for, and how often it is false."""
+    from raycheck.calibration import unseen
+
+    every, file = unseen.every(), _ready(work) / "unseen.jsonl"
+    unknown = set(names or ()) - {one.name for one in every}
+    if unknown:
+        raise NotFound(f"there is no mistake {', '.join(sorted(unknown))} in {unseen.FOLDER}")
+    for found in unseen.measure(file, [one for one in every if not names or one.name in names]):
+        print(f"{found['name']}: {found['verdict']} {found['said']}")
+    _put("unseen", unseen.summary(file, every), json_file)
+
+
 @app.command(name="gradings")
 def run_gradings(
     assignment: Annotated[Path, typer.Option(metavar="FILE.toml", help="Whose tasks are graded.")],

@@ -26,6 +26,10 @@ beyond chance.
 """
 LAMP, FEWEST_CAPPED = 4.0, 32
 """Share of a cap from which a pixel may show a lamp; samples that end at it, in half as many pixels."""
+BELOW = 0.1
+"""Samples between half a cap and it, by those that end at it: what was cut off had a tail, and a lamp that is
+seen through glass or by a mirror has none.
+"""
 OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
 """Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
 
@@ -179,6 +183,8 @@ def capped_samples(images: Array, truth: Truth) -> str | None:
     at_cap = (bright >= cap * (1 - 1e-5)) & ~near
     pixels = int(at_cap.any(axis=0).sum())
     if cap <= 0 or at_cap.sum() < FEWEST_CAPPED or pixels < FEWEST_CAPPED // 2:
+        return None
+    if ((bright >= cap / 2) & (bright < cap * (1 - 1e-5)) & ~near).sum() < BELOW * at_cap.sum():
         return None
     return (
         f"bright samples are clamped at {cap:.4g}: {int(at_cap.sum())} samples in {pixels} pixels have just "

@@ -39,7 +39,14 @@ class Encoding:
     convention: Convention
     decode: Callable[[Array], Array]
     most: float
-    """Values from which on nothing can be decoded."""
+    """Values from which on nothing can be decoded…"""
+    beyond: bool
+    """…unless there are some above 1: then nothing was cut there, and all can be."""
+
+    def decodes(self, values: Array) -> bool:
+        """Whether all of these values can be decoded."""
+        largest = values.max()
+        return bool(values.min() >= 0 and (largest < self.most or (self.beyond and largest > 1)))
 
 
 TURNS: Mapping[str, Callable[[Array], Array]] = {
@@ -54,13 +61,16 @@ TURNS: Mapping[str, Callable[[Array], Array]] = {
 FACTOR = Convention("", factors=1)
 WHITE = Convention("", factors=3)
 ENCODINGS = (
-    Encoding(Convention("the values are sRGB-encoded, linear radiance is needed"), decode_srgb, 0.999),
     Encoding(
-        Convention("the values are gamma-encoded (2.2), linear radiance is needed"), lambda x: x**2.2, 0.999
+        Convention("the values are sRGB-encoded, linear radiance is needed"), decode_srgb, 0.999, True
+    ),
+    Encoding(
+        Convention("the values are gamma-encoded (2.2), linear radiance is needed"),
+        lambda x: x**2.2, 0.999, True,
     ),
     Encoding(
         Convention("the values are tone-mapped, x / (1 + x), linear radiance is needed"),
-        lambda x: x / (1 - x), 0.999,
+        lambda x: x / (1 - x), 0.999, False,
     ),
 )  # fmt: skip
 

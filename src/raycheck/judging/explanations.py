@@ -34,6 +34,10 @@ CERTAINTY = 0.99
 """Confidence of the interval of a strength…"""
 USUAL = 0.1
 """…which may be so far from the strength that an explanation has by nature."""
+LEFT = 0.07
+"""What a mistake may be off relative to the light that it leaves…"""
+LEAST_LEFT = 0.02
+"""…but no less than that of what it does, where it leaves none."""
 SHARE = 0.98
 """Share of the squared error that an explanation has to account for…"""
 SHARE_ERROR = 0.02
@@ -42,10 +46,14 @@ LITTLE = 0.05
 """Squared error of a channel, relative to the worst of all, below which its share is taken of this."""
 SURELY = 0.98
 """How sure the best must be, if all were equally likely before."""
+REFUTED = 5.0
+"""Standard deviations by which χ² may exceed its mean with what is said: what is left then is no noise."""
 SPECIFIC = 3.0
 """What ℓ has to rise by for each thing more that is said of a part of the light."""
 SHARP = 0.1
 """Half of the interval of a free factor over its size, beyond which it is too little known to be said."""
+LEAK = 0.05
+"""What the factor of a part may vary by over the picture: a mistake may change a later bounce the more."""
 SIMILAR = 0.05
 """What a mistake may be off in a tile, relative to its signature: others make it a little differently."""
 DEGREE = 3
@@ -104,7 +112,9 @@ class Group:
     prior: Sequence[float] = ()
     """Taken from ℓ, for what is said; nothing if empty."""
     usual: float | None = None
-    """The strength by nature."""
+    """The strength by nature…"""
+    within: Sequence[float] = ()
+    """…and how far from it each may be; USUAL if empty."""
     offset: float = 0.0
     """Of a factor over the strength of its direction."""
     encoding: Encoding | None = None
@@ -127,16 +137,38 @@ class Standing:
         return np.asarray(self.fits.explained[self.index])
 
     def factors(self) -> tuple[Factor, ...]:
-        half = -special.ndtri((1 - CERTAINTY) / 2) * self.fits.deviations[self.index]
+        """By the noise, and what several parts may take from each other."""
         values = self.fits.strengths[self.index] + self.group.offset
+        half = self._half() + self._leak()
         return tuple(Factor(v, v - h, v + h) for v, h in zip(values.tolist(), half.tolist(), strict=True))
+
+    def _half(self) -> Array:
+        return np.asarray(-special.ndtri((1 - CERTAINTY) / 2) * self.fits.deviations[self.index])
+
+    def _leak(self) -> Array | float:
+        """Each of several parts may be off by as much as the others would add to it, if LEAK of what is said
+        of them were something else.
+        """
+        if not isinstance(self.subject, tuple) or len(self.subject) == 1:
+            return 0.0
+        strengths = np.abs(self.fits.strengths[self.index])
+        images = self.group.of.directions[self.index].reshape(len(strengths), -1)
+        overlap = images @ images.T
+        shared = overlap / np.maximum(np.diag(overlap), 1e-300)[:, None] - np.eye(len(strengths))
+        return np.asarray(LEAK * shared @ strengths)
+
+    def fits_well(self) -> bool:
+        """Whether what it leaves is no more than noise, and what it may be off by nature."""
+        return bool(self.fits.misfit[self.index] <= REFUTED)
 
     def sharp(self) -> bool:
         """Whether its strengths are what they are by nature, or else known well enough to be said."""
-        found, usual = self.factors(), self.group.usual
+        strengths, half, usual = self.fits.strengths[self.index], self._half(), self.group.usual
         if usual is not None:
-            return all(usual - USUAL <= f.low and f.high <= usual + USUAL for f in found)
-        return all((f.high - f.low) / 2 <= SHARP * max(abs(g.value - 1) for g in found) for f in found)
+            within = self.group.within[self.index] if self.group.within else USUAL
+            return bool(np.all(np.abs(strengths - usual) <= np.minimum(USUAL - half, within)))
+        most = np.abs(strengths + self.group.offset - 1).max(initial=0.0)
+        return bool(np.all(half <= SHARP * most))
 
 
 def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
@@ -158,7 +190,8 @@ def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
     alike = [
         second[n] for n, s in enumerate(first) if isinstance(s.subject, Mistake) and _same(looks, best, s)
     ]
-    said = _said([s for s in (*same, *alike) if s.sharp() and _accounts(looks, s)], others)
+    found = [s for s in (*same, *alike) if s.sharp() and s.fits_well() and _accounts(looks, s)]
+    said = _said(found, others)
     return replace(said, nearest=nearest)
 
 
@@ -317,7 +350,19 @@ def _mistakes(looks: Sequence[Look], without: Sequence[str]) -> Iterator[Group]:
             np.stack(x)[:, None] for x in ([s.error for s in known], [s.variance for s in known])
         )
         of = stack(errors, variance, low=1 - USUAL, high=1 + USUAL, inexact=SIMILAR)
-        yield Group([one.of for one in known], of, usual=1.0)
+        yield Group([one.of for one in known], of, usual=1.0, within=_within(looks, errors[:, 0]))
+
+
+def _within(looks: Sequence[Look], errors: Array) -> list[float]:
+    """How far from 1 the strength of mistakes (M, T, 3) may be: by USUAL of what they do, and by LEFT of the
+    light that they leave. A quarter of a light is not an eighth of it.
+    """
+    of_tiles = [region_means(look.truth.mean, grid(*look.truth.shape)) for look in looks]
+    truth, scale = np.concatenate(of_tiles), np.concatenate([look.sets[0].scale for look in looks])
+    there = (errors / scale) ** 2
+    left = np.minimum(((truth + errors) / scale) ** 2, (USUAL / LEFT) ** 2 * there)
+    share = np.sqrt(left.sum(axis=(1, 2)) / np.maximum(there.sum(axis=(1, 2)), 1e-300))
+    return np.maximum(LEFT * share, LEAST_LEFT).tolist()
 
 
 def _of_one_scene(look: Look) -> Iterator[Group]:

@@ -62,6 +62,8 @@ class Fits:
     """(M,) ℓ"""
     explained: Array
     """(M, T, 3) B + Σ aₖ Sₖ"""
+    misfit: Array
+    """(M,) standard deviations √(2n) by which χ² exceeds its mean, n values less k strengths."""
 
 
 def fit(error: Array, noise: Array, of: Stack) -> Fits:
@@ -82,7 +84,9 @@ def fit(error: Array, noise: Array, of: Stack) -> Fits:
     rest = error - explained
     chi = np.einsum("mti,mtij,mtj->m", rest, inverse, rest)
     spread = np.linalg.slogdet(covariance)[1].sum(axis=1)
-    return Fits(strengths, deviations, -(chi + spread + free * np.log(error.size)) / 2, explained)
+    likelihood = -(chi + spread + free * np.log(error.size)) / 2
+    misfit = (chi - (error.size - free)) / np.sqrt(2 * error.size)
+    return Fits(strengths, deviations, likelihood, explained, misfit)
 
 
 def _explained(of: Stack, strengths: Array) -> Array:

@@ -91,7 +91,7 @@ def look(scene: str, images: Array, truth: Truth, lights: int = 1) -> Look:
     """At images (B ≥ 1, H, W, 3) of a scene."""
     decoded = {}
     for encoding in ENCODINGS:
-        if images.min() >= 0 and images.max() < encoding.most:
+        if encoding.decodes(images):
             values = encoding.decode(images)
             sets = _sets(scene, values, truth)
             decoded[encoding] = sets, _stretch(_sets(scene, images, truth), sets)

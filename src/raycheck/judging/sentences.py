@@ -91,8 +91,12 @@ def _parts_name(of: Hypothesis, other: Hypothesis | None) -> str:
     return f"either {part(of)} or {part(other)}, which look alike here," if other else part(of)
 
 
+MISSING = 0.05
+"""What may seem to be left of what is missing."""
+
+
 def _size(factor: Factor) -> str:
-    if factor.low <= 0 <= factor.high:
+    if factor.low <= 0 <= factor.high and factor.value < MISSING:
         return "missing"
     if factor.low <= 1 <= factor.high:
         return "right"
