@@ -60,6 +60,7 @@
     X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
     X(MANY_LIGHTS, many_lights, "light choice")                                                              \
     X(HIDDEN, hidden, "hidden emitters")                                                                      \
+    X(STACKS, stacks, "surfaces in one place")                                                                \
     X(UV, uv, "texture coordinates")
 
 /* VERTICES and PARTS, and the empty lists, are seams for what is to come: nothing of today sets them.

@@ -96,4 +96,4 @@ static void render(const void *scene, const Job *job, Counters *counters, int ge
 #endif
 
 extern const Kernel KERNEL;
-const Kernel KERNEL = {PRECISION_NAME, LANES, prepare_and_learn, features, instance, render, release};
+const Kernel KERNEL = {PRECISION_NAME, NUM_ROUNDING, LANES, prepare_and_learn, features, instance, render, release};
