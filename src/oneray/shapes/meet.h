@@ -264,7 +264,8 @@ STAGE Mask stacked_blocks(const Shapes *shapes, int slot, const Ray *ray, const 
         ended |= is_end;
     }
     int ball = slot >= shapes->first[SHAPE_SPHERE] && slot < shapes->first[SHAPE_SPHERE + 1];
-    return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, target == index_of(slot)) : blocked;
+    Mask itself = and_not(target == index_of(slot), ends->start.stack == ends->end.stack);
+    return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, itself) : blocked; /* as sphere_blocks has it */
 }
 
 INLINE Mask one_lane(int lane)
