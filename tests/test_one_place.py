@@ -1,5 +1,5 @@
-"""Surfaces in one place are met in an order, by whatever way light is looked for: one surface where they face alike, a
-solid left before the next is entered, a lamp in front of the ceiling that it is flush with."""
+"""Surfaces in one place are met in an order, by whatever way light is looked for: one surface where they face
+alike, a solid left before the next is entered, a lamp in front of the ceiling that it is flush with."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def shape(kind: str, way: str, *what: str) -> str:
     return f'<shape type="{kind}"><transform name="to_world">{way}{TURN}</transform>{"".join(what)}</shape>'
 
 
-def view(body: str, eye: str, target: str = "0, 0, 0", depth: int = 2, fov: float = 30, size: int = 16) -> str:
+def view(
+    body: str, eye: str, target: str = "0, 0, 0", depth: int = 2, fov: float = 30, size: int = 16
+) -> str:
     """What a camera shows that is turned like the shapes."""
     text = world(body, fov=fov, depth=depth, size=size)
     start, end = text.index("<lookat"), text.index("</transform>")
@@ -75,7 +77,9 @@ def test_two_rectangles_are_one(oneray: Path, tmp_path: Path, precision: str, si
     options = ("--precision", precision, "--spp", 64)
     eye = "0, 0, 4"
     alone = rendered(oneray, tmp_path, view(sheet.format(2) + sky(), eye, fov=10), *options)
-    both = rendered(oneray, tmp_path, view(sheet.format(2) + sheet.format(size) + sky(), eye, fov=10), *options)
+    both = rendered(
+        oneray, tmp_path, view(sheet.format(2) + sheet.format(size) + sky(), eye, fov=10), *options
+    )
     assert alone.pixels.mean() == pytest.approx(0.5, rel=5e-3)
     assert (both.pixels == alone.pixels).all()
 
@@ -120,8 +124,8 @@ def test_boxes_with_tops_in_one_plane_are_one_box(oneray: Path, tmp_path: Path, 
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("kind", ["rectangle", "disk"])
 def test_a_floor_hides_what_stands_on_it(oneray: Path, tmp_path: Path, precision: str, kind: str) -> None:
-    """From below one sees the black back of the floor, and nothing of the box, though something else is there below,
-    which is lit; from above as if the box hovered a little.
+    """From below one sees the black back of the floor, and nothing of the box, though something else is there
+    below, which is lit; from above as if the box hovered a little.
     """
     ground = shape(kind, '<scale value="4"/>', diffuse(0.5))
     thing = shape("sphere", '<scale value="0.1"/><translate x="3" z="-3"/>', diffuse(0.5))
@@ -198,7 +202,9 @@ def test_the_sweeps_hold_in_either_precision(
     oneray: Path, monkeypatch: pytest.MonkeyPatch, case: sweeps.Case, precision: str
 ) -> None:
     monkeypatch.setenv("ONERAY", str(oneray))
-    curve = sweeps.sweep(replace(case, options=("--precision", precision)), Oneray(), case.values[::2] + (0.1,))
+    curve = sweeps.sweep(
+        replace(case, options=("--precision", precision)), Oneray(), (*case.values[::2], 0.1)
+    )
     assert curve.first_bad is None
 
 
@@ -214,8 +220,8 @@ def test_estimators_agree_where_much_is_in_one_place(oneray: Path, tmp_path: Pat
 
 @pytest.mark.parametrize(("precision", "lanes"), [("double", 1), ("single", 4)])
 def test_what_sees_is_seen(tmp_path: Path, precision: str, lanes: int) -> None:
-    """V(p, q) = V(q, p), for points of surfaces that share their places with others, but for those in one plane, which no
-    light joins.
+    """V(p, q) = V(q, p), for points of surfaces that share their places with others, but for those in one
+    plane, which no light joins.
     """
     driver = Driver(tmp_path, precision, lanes)
     for name in ("one-place", "many-in-one-place"):
@@ -248,19 +254,27 @@ def test_an_order_that_the_file_does_not_say_is_a_warning(oneray: Path, tmp_path
         "alike": (shape("rectangle", "", diffuse(0.5)), shape("disk", "", diffuse(0.5))),
         "apart": (shape("rectangle", "", diffuse(0.5)), shape("disk", '<translate z="1e-9"/>', diffuse(0.4))),
         "opposite": (shape("rectangle", "", diffuse(0.5)), shape("cube", '<translate z="1"/>', diffuse(0.4))),
-        "beside": (shape("rectangle", "", diffuse(0.5)), shape("rectangle", '<translate x="2"/>', diffuse(0.4))),
+        "beside": (
+            shape("rectangle", "", diffuse(0.5)),
+            shape("rectangle", '<translate x="2"/>', diffuse(0.4)),
+        ),
     }
     for name, pair in lines.items():
-        done = run(oneray, tmp_path, view("\n".join(pair) + sky(), "0, 0, 5"), "--precision", "double", "--spp", 1)
-        said = {"differ": "19: this surface and that of line 20", "lamp": "20: this surface and that of line 19"}
+        done = run(
+            oneray, tmp_path, view("\n".join(pair) + sky(), "0, 0, 5"), "--precision", "double", "--spp", 1
+        )
+        said = {
+            "differ": "19: this surface and that of line 20",
+            "lamp": "20: this surface and that of line 19",
+        }
         if name in said:
             assert f"scene.xml:{said[name]} are in one place, face the same way and differ" in done.stderr
         assert done.stderr.count("\n") == (name in said), name
 
 
 def test_what_stands_on_a_floor_costs_nothing(oneray: Path, tmp_path: Path) -> None:
-    """No ray gets between a floor and a box that stands on it, nor between boxes: where nothing is below, no layers are
-    wanted, and a kernel's instance serves the scene.
+    """No ray gets between a floor and a box that stands on it, nor between boxes: where nothing is below, no
+    layers are wanted, and a kernel's instance serves the scene.
     """
     box = '<shape type="cube"><transform name="to_world"><translate x="{}" z="{}"/></transform>{}</shape>'
     body = floor(diffuse(0.5)) + box.format(0, 1, diffuse(0.5)) + box.format(0.5, 3, diffuse(0.4))

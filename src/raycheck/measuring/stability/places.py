@@ -40,7 +40,7 @@ def _beside_ball(p: Parsed) -> Truth:
 
 
 def upright_irradiance(width: mpf, distance: mpf) -> mpf:
-    """E/L, sr, from a rectangle of height 1 that stands on the receiver's plane, its lower corner straight ahead."""
+    """E/L, sr, from a rectangle of height 1 that stands on the receiver's plane, a lower corner straight ahead."""
     slant = mpmath.sqrt(1 + distance**2)
     return (mpmath.atan(width / distance) - distance / slant * mpmath.atan(width / slant)) / 2
 
@@ -55,16 +55,16 @@ CASES = (
     Case(
         "one-place", "Sheets in one place", PARAMETER, GAPS, 0.1, 1e-2,
         _sheets, lambda p: same(p.number(0.5) * p("radiance")),
-        wrong="A ray leaves out the surface that it starts from, but not another in the same place: whether that "
-        "one is above or below is up to rounding, and half of the light is lost.",
-        instead="Surfaces that rounding cannot tell apart lie in layers, each with a number. What a ray meets "
-        "first, what it meets where it starts and what hides its end are decided by these.",
+        wrong="A ray leaves out the surface that it starts from, but not another in the same place: whether "
+        "that one is above or below is up to rounding, and half of the light is lost.",
+        instead="Surfaces that rounding cannot tell apart lie in layers, each with a number. What a ray "
+        "meets first, what it meets where it starts and what hides its end are decided by these.",
     ),
     Case(
         "glass-in-contact", "Glass on glass on a lamp", PARAMETER, GAPS, 0.1, 1e-2,
         _slabs, _two_slabs, samples=lambda value: 1 << 18, most_mitsuba=1 << 17,
-        wrong="Whoever skips all that is close to a ray's start skips the next boundary as well: light does not "
-        "enter the second slab where it leaves the first.",
+        wrong="Whoever skips all that is close to a ray's start skips the next boundary as well: light does "
+        "not enter the second slab where it leaves the first.",
         instead="By the order of the layers a ray leaves one solid before it enters the next.",
     ),
     Case(
@@ -77,8 +77,8 @@ CASES = (
     Case(
         "lamp-in-corner", "Lamp in a corner", PARAMETER, GAPS, 0.1, 1e-2,
         lambda g: [one(wall_at=-g * ULP, angle=angle)[0] for angle in ANGLES], _before_lamp,
-        wrong="The wall behind the lamp hides it, or it the wall, as rounding has it, and differently for rays "
-        "that are sent to the lamp and rays that hit it.",
+        wrong="The wall behind the lamp hides it, or it the wall, as rounding has it, and differently for "
+        "rays that are sent to the lamp and rays that hit it.",
         instead="Of two surfaces in one place that face the same way the lamp is in front, for every ray.",
     ),
 )  # fmt: skip
