@@ -170,6 +170,20 @@ def test_who_looks_up_sees_the_lamp(oneray: Path, tmp_path: Path) -> None:
             assert (rendered(oneray, tmp_path, text, "--spp", 16).pixels == 5).all()
 
 
+@pytest.mark.parametrize("kind", ["rectangle", "cube"])
+def test_a_box_that_shines_is_let_into_the_ceiling(oneray: Path, tmp_path: Path, kind: str) -> None:
+    """One sees it from below, and where it stands on a floor nothing of it from below that."""
+    box = shape("cube", '<translate z="1"/><scale value="0.5"/>', diffuse(0), glow(5))
+    for turned, seen in (('<rotate x="1" angle="180"/>', 5), ("", 0)):
+        way = '<scale value="4"/>' + turned if kind == "rectangle" else f'<translate z="-1"/>{turned}'
+        plate = shape(kind, way, BOTH)
+        if kind == "cube" and turned:
+            plate = shape("cube", '<translate z="1"/>', diffuse(0.5))
+        for body in (box + plate, plate + box):
+            look = rendered(oneray, tmp_path, view(body, "0.1, 0.2, -5", depth=1, fov=2), "--spp", 16)
+            assert (look.pixels == seen).all()
+
+
 def test_a_lamp_on_a_table_and_one_face_down(oneray: Path, tmp_path: Path) -> None:
     """A lamp on a box shines; one that lies on its face lights nothing, and what lies on one hides it."""
     box = shape("cube", '<translate z="-1"/>', diffuse(0.5))

@@ -10,39 +10,20 @@
    stands first in the file. Where these differ, that order is a guess, and a warning says so. */
 #include "scene/stacks.h"
 
+#include "scene/facets.h"
+
 #include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_CORNERS = 16, FEW = 24, DEEPEST_CUT = 48, MOST_WARNINGS = 8 };
-#define OVERLAP 1e-6 /* of a surface's width: what overlaps by less only touches */
+enum { FEW = 24, MOST_WARNINGS = 8 };
 
 /* A shape as a whole. */
 typedef struct {
     bool known, transmits;
-    bool closed;    /* and opaque: what is inside, where the camera is not, does not matter */
+    bool closed; /* and opaque: what is inside, where the camera is not, does not matter */
     double outward; /* of a closed shape: 1 if its normals point to where the camera is, else -1 */
 } Body;
-
-/* A side of a shape. A disk is a polygon around it; a sphere has no corners. */
-typedef struct {
-    int shape, side, corners;
-    double corner[MOST_CORNERS][3];
-    double normal[3]; /* unit, outwards whatever flip_normals says */
-    double size[3];   /* the largest coordinates that what is computed with it goes through */
-    double radius;    /* of a sphere about corner[0] */
-} Facet;
-
-typedef struct {
-    Description *d;
-    const char *file;
-    double rounding, eye[3];
-    Body *bodies;
-    int *first;           /* by shape: its first side among all */
-    int32_t *parent;      /* by side: another of its stack, or itself */
-    int side_count;
-    int warned[MOST_WARNINGS][2], warnings; /* lines */
-} Finder;
 
 /* A side in the search: its box, in floats that are no smaller. */
 typedef struct {
@@ -50,41 +31,17 @@ typedef struct {
     int shape, side;
 } Item;
 
-static Facet facet_of(const Description *d, int shape, int k)
-{
-    const Shape *s = &d->shapes[shape];
-    Facet f = {.shape = shape, .side = k, .corners = s->kind == SHAPE_DISK ? MOST_CORNERS : 4};
-    if (s->kind == SHAPE_MESH) {
-        int triangle = s->as.mesh.first_triangle + k;
-        double a[3], b[3];
-        f.corners = 3;
-        triangle_edges(&d->mesh, triangle, 0, a, b, f.normal);
-        normalise(f.normal);
-        for (int c = 0; c < 9; c++) {
-            double x = d->mesh.vertex[d->mesh.triangle[triangle][c / 3]][c % 3];
-            f.corner[c / 3][c % 3] = x;
-            f.size[c % 3] = fmax(f.size[c % 3], fabs(x));
-        }
-        return f;
-    }
-    Side side = shape_side(s, k);
-    for (int i = 0; i < 3; i++) {
-        f.size[i] = fmax(fabs(side.middle[i]), fabs(s->kind == SHAPE_SPHERE ? 0 : s->as.placed.to_world.m[i][3]));
-        f.normal[i] = side.normal[i];
-    }
-    if (s->kind == SHAPE_SPHERE) {
-        f.corners = 0;
-        f.radius = s->as.sphere.radius;
-        memcpy(f.corner[0], side.middle, sizeof side.middle);
-        return f;
-    }
-    double step = 2 * PI / f.corners, around = f.corners == 4 ? sqrt(2) : 1 / cos(step / 2);
-    for (int c = 0; c < f.corners; c++)
-        for (int i = 0; i < 3; i++)
-            f.corner[c][i] = side.middle[i]
-                             + around * (cos((c + 0.5) * step) * side.x[i] + sin((c + 0.5) * step) * side.y[i]);
-    return f;
-}
+typedef struct {
+    Description *d;
+    const char *file;
+    double rounding, eye[3];
+    Body *bodies;
+    Item *items; /* by side */
+    int *first; /* by shape: its first side among all */
+    int32_t *parent; /* by side: another of its stack, or itself */
+    int side_count;
+    int warned[MOST_WARNINGS][2], warnings; /* lines */
+} Finder;
 
 /* Bodies: which shapes have an inside, and whether the camera is in it. */
 
@@ -125,8 +82,9 @@ static double solid_angle(const double *const corner[3], const double p[3])
         size[c] = length(to[c]);
     }
     cross(to[1], to[2], across);
-    return 2 * atan2(dot(to[0], across), size[0] * size[1] * size[2] + dot(to[0], to[1]) * size[2]
-                                             + dot(to[1], to[2]) * size[0] + dot(to[2], to[0]) * size[1]);
+    return 2
+           * atan2(dot(to[0], across), size[0] * size[1] * size[2] + dot(to[0], to[1]) * size[2]
+                                           + dot(to[1], to[2]) * size[0] + dot(to[2], to[0]) * size[1]);
 }
 
 /* A mesh is closed if its edges come in pairs that run to and fro, and it has a volume. */
@@ -179,88 +137,6 @@ static const Body *body_of(const Finder *finder, int i)
     return body;
 }
 
-/* How far apart planes a and b, or spheres, may be at q and yet be taken for one: eight roundings of the coordinates
-   that have a part in it, with those of the camera in `eye` if that is not NULL. */
-static double tolerance(const Facet *a, const Facet *b, const double q[3], const double *eye, double rounding)
-{
-    double size = 0;
-    bool straight = a->corners > 3 && b->corners > 3;
-    for (int i = 0; i < 3; i++) {
-        double here = fmax(fabs(q[i]), fmax(a->size[i], b->size[i]));
-        if (!straight || a->normal[i] != 0 || b->normal[i] != 0)
-            size = fmax(size, eye ? fmax(here, fabs(eye[i])) : here);
-    }
-    return 8 * rounding * (size + a->radius + b->radius);
-}
-
-static double width_of(const Facet *f)
-{
-    double across[3];
-    difference(f->corner[f->corners / 2], f->corner[0], across);
-    return f->corners ? length(across) : 0;
-}
-
-static double height_over(const Facet *plane, const double q[3])
-{
-    double up[3];
-    difference(q, plane->corner[0], up);
-    return dot(plane->normal, up);
-}
-
-/* Are all of b's corners in a's plane? */
-static bool lies_in(const Finder *finder, const Facet *a, const Facet *b)
-{
-    for (int c = 0; c < b->corners; c++)
-        if (!(fabs(height_over(a, b->corner[c])) <= tolerance(a, b, b->corner[c], finder->eye, finder->rounding)))
-            return false;
-    return true;
-}
-
-/* Is b beyond the edge of a from its corner c, or as near to that as touching is? */
-static bool beyond_edge(const Facet *a, int c, const Facet *b, double touching)
-{
-    double edge[3], out[3], to[3], low = 0, high = 0, nearest = HUGE_VAL;
-    difference(a->corner[(c + 1) % a->corners], a->corner[c], edge);
-    cross(edge, a->normal, out);
-    normalise(out);
-    for (int k = 0; k < a->corners; k++) {
-        difference(a->corner[k], a->corner[c], to);
-        low = fmin(low, dot(out, to));
-        high = fmax(high, dot(out, to));
-    }
-    double sign = high > -low ? -1 : 1; /* corners may go round either way */
-    for (int k = 0; k < b->corners; k++) {
-        difference(b->corner[k], a->corner[c], to);
-        nearest = fmin(nearest, sign * dot(out, to));
-    }
-    return nearest >= -fmax(OVERLAP * fmax(high, -low), touching);
-}
-
-static bool overlap(const Finder *finder, const Facet *a, const Facet *b)
-{
-    double touching = tolerance(a, b, a->size, NULL, finder->rounding);
-    for (int c = 0; c < a->corners; c++)
-        if (beyond_edge(a, c, b, touching))
-            return false;
-    for (int c = 0; c < b->corners; c++)
-        if (beyond_edge(b, c, a, touching))
-            return false;
-    return true;
-}
-
-/* Are they in one place, as far as rays can tell? */
-static bool coincide(const Finder *finder, const Facet *a, const Facet *b)
-{
-    if (!a->corners != !b->corners || (a->corners && a->shape == b->shape && finder->d->shapes[a->shape].kind != SHAPE_MESH))
-        return false;
-    if (a->corners)
-        return (lies_in(finder, a, b) || lies_in(finder, b, a)) && overlap(finder, a, b);
-    double apart[3];
-    difference(a->corner[0], b->corner[0], apart);
-    return length(apart) + fabs(a->radius - b->radius)
-           <= tolerance(a, b, b->corner[0], finder->eye, finder->rounding);
-}
-
 /* What transmits is a boundary by its normal; what is closed lies behind its side towards the camera; anything else has
    no inside. */
 static bool is_solid(const Finder *finder, const Facet *f)
@@ -287,13 +163,13 @@ static bool face_alike(const Finder *finder, const Facet *a, const Facet *b)
 /* Is all of the scene, and the camera, behind the side of a solid? */
 static bool all_behind(const Finder *finder, const Facet *f)
 {
-    double front = front_of(finder, f);
+    double front = front_of(finder, f), close = tolerance(f, f, NULL, finder->rounding);
     for (int i = -1; i < finder->d->shape_count; i++) {
         Extent box = i < 0 ? (Extent){.least = 0} : shape_extent(&finder->d->shapes[i]);
         double far[3];
         for (int k = 0; k < 3; k++)
             far[k] = i < 0 ? finder->eye[k] : front * f->normal[k] > 0 ? box.high[k] : box.low[k];
-        if (front * height_over(f, far) > tolerance(f, f, far, NULL, finder->rounding))
+        if (front * height_over(f, far) > close)
             return false;
     }
     return true;
@@ -341,15 +217,28 @@ static int rank_of(const Finder *finder, int shape)
     return body_of(finder, shape)->transmits ? 0 : emits(finder->d, shape) ? 1 : 2;
 }
 
+/* Is a in front of b, of two that face alike in one place? What has no inside is in front of a solid that does not
+   shine. */
+static bool comes_first(const Finder *finder, const Facet *a, const Facet *b)
+{
+    int solid = is_solid(finder, a) - is_solid(finder, b);
+    if (solid && !emits(finder->d, solid > 0 ? a->shape : b->shape))
+        return solid < 0;
+    int order = rank_of(finder, a->shape) - rank_of(finder, b->shape);
+    return order ? order < 0 : a->shape < b->shape;
+}
+
 /* Where two that face alike differ, the file does not say which is in front. */
 static void warn_of_order(Finder *finder, const Facet *a, const Facet *b)
 {
     const Description *d = finder->d;
-    if (look_alike(d, a->shape, b->shape) || is_solid(finder, a) != is_solid(finder, b) || !face_alike(finder, a, b))
+    bool shines = emits(d, a->shape) || emits(d, b->shape);
+    if (look_alike(d, a->shape, b->shape) || (is_solid(finder, a) != is_solid(finder, b) && !shines)
+        || !face_alike(finder, a, b))
         return;
-    int order = rank_of(finder, a->shape) - rank_of(finder, b->shape);
-    bool first = order ? order < 0 : a->shape < b->shape;
-    int front = d->shapes[first ? a->shape : b->shape].line, behind = d->shapes[first ? b->shape : a->shape].line;
+    bool first = comes_first(finder, a, b);
+    int front = d->shapes[first ? a->shape : b->shape].line,
+        behind = d->shapes[first ? b->shape : a->shape].line;
     for (int i = 0; i < finder->warnings; i++)
         if (finder->warned[i][0] == front && finder->warned[i][1] == behind)
             return;
@@ -358,7 +247,8 @@ static void warn_of_order(Finder *finder, const Facet *a, const Facet *b)
     finder->warned[finder->warnings][0] = front;
     finder->warned[finder->warnings++][1] = behind;
     warn("%s:%d: this surface and that of line %d are in one place, face the same way and differ: this one is taken to "
-         "be in front", finder->file, front, behind);
+         "be in front",
+        finder->file, front, behind);
 }
 
 static int32_t root_of(int32_t *parent, int32_t i)
@@ -370,7 +260,7 @@ static int32_t root_of(int32_t *parent, int32_t i)
 
 static void test_pair(Finder *finder, const Facet *a, const Facet *b)
 {
-    if (!coincide(finder, a, b) || is_hidden(finder, a, b))
+    if (!coincide(a, b, finder->eye, finder->rounding) || is_hidden(finder, a, b))
         return;
     int32_t one = root_of(finder->parent, finder->first[a->shape] + a->side);
     int32_t other = root_of(finder->parent, finder->first[b->shape] + b->side);
@@ -386,48 +276,63 @@ static bool boxes_meet(const Item *a, const Item *b)
     return true;
 }
 
-static void test_all(Finder *finder, const Item *items, int count)
+static void test_all(Finder *finder, const int32_t *some, int count)
 {
-    Facet *facets = allocate((size_t)count, sizeof *facets);
+    Facet *facets = reallocate(NULL, (size_t)count, sizeof *facets);
     for (int i = 0; i < count; i++)
-        facets[i] = facet_of(finder->d, items[i].shape, items[i].side);
+        facets[i] = facet_of(finder->d, finder->items[some[i]].shape, finder->items[some[i]].side);
     for (int i = 0; i < count; i++)
         for (int k = 0; k < i; k++)
-            if (boxes_meet(&items[i], &items[k]))
+            if (boxes_meet(&finder->items[some[i]], &finder->items[some[k]]))
                 test_pair(finder, &facets[k], &facets[i]);
     free(facets);
 }
 
-/* All pairs whose boxes meet, by cutting space in two where it has most; what lies on the cut is on both sides. */
-static void search(Finder *finder, const Item *items, int count, int cuts)
+/* Along which axis the items' middles are farthest apart, and where their mean is. */
+static int cut_of(const Finder *finder, const int32_t *some, int count, float *at)
 {
-    double low[3], high[3], mean[3];
-    int axis = 0, at[2] = {0, 0};
-    for (int i = 0; i < 3; i++) {
-        low[i] = HUGE_VAL, high[i] = -HUGE_VAL, mean[i] = 0;
-        for (int k = 0; k < count; k++) {
-            double middle = 0.5 * (double)items[k].low[i] + 0.5 * (double)items[k].high[i];
-            low[i] = fmin(low[i], middle);
-            high[i] = fmax(high[i], middle);
-            mean[i] += middle / count;
+    float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX};
+    double mean[3] = {0};
+    int axis = 0;
+    for (int k = 0; k < count; k++)
+        for (int i = 0; i < 3; i++) {
+            const Item *item = &finder->items[some[k]];
+            float middle = 0.5F * item->low[i] + 0.5F * item->high[i];
+            low[i] = middle < low[i] ? middle : low[i];
+            high[i] = middle > high[i] ? middle : high[i];
+            mean[i] += (double)middle;
         }
-        axis = high[i] - low[i] > high[axis] - low[axis] ? i : axis;
+    for (int i = 1; i < 3; i++)
+        axis = 0.5F * high[i] - 0.5F * low[i] > 0.5F * high[axis] - 0.5F * low[axis] ? i : axis;
+    *at = (float)(mean[axis] / count);
+    return axis;
+}
+
+/* All pairs of some items whose boxes meet, by cutting space in two; what lies on the cut is on both sides. */
+static void search(Finder *finder, const int32_t *some, int count)
+{
+    int32_t *half[2] = {NULL, NULL};
+    int size[2] = {0, 0};
+    if (count > FEW) {
+        float at;
+        int axis = cut_of(finder, some, count, &at);
+        half[0] = reallocate(NULL, 2 * (size_t)count, sizeof *half[0]);
+        half[1] = half[0] + count;
+        for (int k = 0; k < count; k++) {
+            const Item *item = &finder->items[some[k]];
+            half[0][size[0]] = half[1][size[1]] = some[k];
+            size[0] += item->low[axis] <= at;
+            size[1] += item->high[axis] >= at;
+        }
     }
-    Item *half[2] = {NULL, NULL};
-    for (int side = 0; side < 2 && count > FEW && cuts > 0; side++) {
-        half[side] = allocate((size_t)count, sizeof *half[side]);
-        for (int k = 0; k < count; k++)
-            if (side ? (double)items[k].high[axis] >= mean[axis] : (double)items[k].low[axis] <= mean[axis])
-                half[side][at[side]++] = items[k];
+    int most = count - count / 8;
+    if (count > FEW && size[0] <= most && size[1] <= most && size[0] + size[1] <= count + count / 4) {
+        search(finder, half[0], size[0]);
+        search(finder, half[1], size[1]);
+    } else {
+        test_all(finder, some, count);
     }
-    bool parts = half[0] && at[0] + at[1] <= count + count / 4;
-    for (int side = 0; side < 2; side++) {
-        if (parts)
-            search(finder, half[side], at[side], cuts - 1);
-        free(half[side]);
-    }
-    if (!parts)
-        test_all(finder, items, count);
+    free(half[0]);
 }
 
 static Item item_of(const Finder *finder, int shape, int side)
@@ -440,7 +345,8 @@ static Item item_of(const Finder *finder, int shape, int side)
             low = fmin(low, f.corner[c][i]);
             high = fmax(high, f.corner[c][i]);
         }
-        double slack = tolerance(&f, &f, f.size, finder->eye, finder->rounding) + (double)FLT_EPSILON * fmax(-low, high);
+        double slack =
+            tolerance(&f, &f, finder->eye, finder->rounding) + (double)FLT_EPSILON * fmax(-low, high);
         item.low[i] = (float)fmin(fmax(low - slack, -(double)FLT_MAX), (double)FLT_MAX);
         item.high[i] = (float)fmin(fmax(high + slack, -(double)FLT_MAX), (double)FLT_MAX);
     }
@@ -453,7 +359,7 @@ static Item item_of(const Finder *finder, int shape, int side)
 typedef struct {
     int32_t stack;
     int group; /* of those that are at one height, along the stack's normal */
-    int class; /* of that: solids that are below, what faces down, what faces up, solids above */
+    int class; /* of that: 0 solids that are below, 1 what faces down, 2 what faces up, 3 solids above */
     int rank, shape, side;
     bool up; /* it faces along the normal */
     double height, doubt;
@@ -480,37 +386,63 @@ static int by_layer(const void *a, const void *b)
     return order ? order : sign * COMPARE(p->side, q->side);
 }
 
-/* The members of one stack: heights are measured from the widest of them, whose normal is known best. */
-static void set_layers(Finder *finder, Member *members, int count, int stack)
+static Facet widest_of(const Finder *finder, const Member *members, int count)
 {
-    Stacks *stacks = &finder->d->stacks;
     Facet widest = facet_of(finder->d, members[0].shape, members[0].side);
     for (int i = 1; i < count; i++) {
         Facet f = facet_of(finder->d, members[i].shape, members[i].side);
         if (width_of(&f) > width_of(&widest))
             widest = f;
     }
+    return widest;
+}
+
+/* Heights are measured from the widest member, whose normal is known best. */
+static void measure_members(const Finder *finder, Member *members, int count, const Facet *widest)
+{
     for (int i = 0; i < count; i++) {
         Member *m = &members[i];
         Facet f = facet_of(finder->d, m->shape, m->side);
-        double along = f.corners ? dot(f.normal, widest.normal) : 1;
+        double along = f.corners ? dot(f.normal, widest->normal) : 1;
         m->up = along * front_of(finder, &f) > 0;
         m->class = is_solid(finder, &f) ? (m->up ? 0 : 3) : m->up ? 2 : 1;
         m->rank = rank_of(finder, m->shape);
-        m->height = f.corners ? height_over(&widest, f.corner[0]) : f.radius;
-        m->doubt = tolerance(&widest, &f, f.corner[0], NULL, DBL_EPSILON / 2);
+        m->height = f.corners ? height_over(widest, f.corner[0]) : f.radius;
+        m->doubt = tolerance(widest, &f, NULL, DBL_EPSILON / 2);
     }
     qsort(members, (size_t)count, sizeof *members, by_height);
-    for (int i = 1; i < count; i++)
-        members[i].group = members[i - 1].group
-                           + (members[i].height - members[i - 1].height > fmax(members[i].doubt, members[i - 1].doubt));
+    for (int i = 1; i < count; i++) {
+        double apart = members[i].height - members[i - 1].height;
+        members[i].group = members[i - 1].group + (apart > fmax(members[i].doubt, members[i - 1].doubt));
+    }
+}
+
+/* A solid that shines is in front of what has no inside and faces alike: among that, if there is any at its height. */
+static void raise_lamps(Member *members, int count)
+{
+    for (int i = 0, first = 0; i < count; i++) {
+        Member *m = &members[i];
+        int open = m->up ? 2 : 1;
+        first = m->group == members[first].group ? first : i;
+        for (int k = first; m->rank == 1 && k < count && members[k].group == m->group; k++)
+            if (members[k].class == open)
+                m->class = open;
+    }
+}
+
+/* The members of one stack. */
+static void set_layers(Finder *finder, Member *members, int count, int stack)
+{
+    Stacks *stacks = &finder->d->stacks;
+    Facet widest = widest_of(finder, members, count);
+    measure_members(finder, members, count, &widest);
+    raise_lamps(members, count);
     qsort(members, (size_t)count, sizeof *members, by_layer);
-    int layer = 0;
-    for (int i = 0; i < count; i++) {
+    for (int i = 0, layer = 0; i < count; i++) {
         const Member *m = &members[i], *last = i ? m - 1 : m;
         bool twins = m->group == last->group && m->class == last->class && m->rank == 0 && last->rank == 0;
-        layer += !twins;
         int side = finder->first[m->shape] + m->side;
+        layer += !twins;
         stacks->of[side] = stack;
         stacks->layer[side] = layer;
     }
@@ -557,14 +489,16 @@ void find_stacks(Description *d, const char *file, double rounding)
         finder.side_count += shape_sides(&d->shapes[i]);
     }
     finder.parent = allocate((size_t)finder.side_count, sizeof *finder.parent);
-    Item *items = allocate((size_t)finder.side_count, sizeof *items);
+    finder.items = allocate((size_t)finder.side_count, sizeof *finder.items);
+    int32_t *all = allocate((size_t)finder.side_count, sizeof *all);
     for (int i = 0; i < shapes; i++)
         for (int k = 0; k < shape_sides(&d->shapes[i]); k++, side++) {
-            items[side] = item_of(&finder, i, k);
-            finder.parent[side] = side;
+            finder.items[side] = item_of(&finder, i, k);
+            finder.parent[side] = all[side] = side;
         }
-    search(&finder, items, side, DEEPEST_CUT);
-    free(items);
+    search(&finder, all, side);
+    free(all);
+    free(finder.items);
     lay_stacks(&finder);
     free(finder.parent);
     free(finder.bodies);

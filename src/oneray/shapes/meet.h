@@ -226,8 +226,8 @@ INLINE Meeting no_meeting(const Ray *ray)
 }
 
 /* HAS_STACKS: takes what the ray meets of the shape, if nothing so far is nearer. */
-INLINE void meet_stacked(
-    const Shapes *shapes, int slot, const Ray *ray, Seat start, Mask active, Mask hiding, Meeting *nearest, Features f)
+INLINE void meet_stacked(const Shapes *shapes, int slot, const Ray *ray, Seat start, Mask active, Mask hiding,
+    Meeting *nearest, Features f)
 {
     Meeting m[2];
     int count = slot_meetings(shapes, slot, ray, start, m);
@@ -259,13 +259,14 @@ STAGE Mask stacked_blocks(const Shapes *shapes, int slot, const Ray *ray, const 
     Mask far_end = count > 1 ? m[0].t + m[1].t < ray->tmax + ray->tmax : mask_none();
     for (int k = 0; k < count; k++) {
         Mask is_end = (m[k].seat.stack == ends->end.stack) & (k ? far_end : mask_not(far_end));
-        Mask before = (is_end & comes_before(m[k].up, m[k].seat, ends->end)) | and_not(m[k].t < ray->tmax, is_end);
+        Mask by_layer = comes_before(m[k].up, m[k].seat, ends->end);
+        Mask before = (is_end & by_layer) | and_not(m[k].t < ray->tmax, is_end);
         blocked |= and_not(lies_ahead(&m[k], ends->start) & before, ended);
         ended |= is_end;
     }
     int ball = slot >= shapes->first[SHAPE_SPHERE] && slot < shapes->first[SHAPE_SPHERE + 1];
     Mask itself = and_not(target == index_of(slot), ends->start.stack == ends->end.stack);
-    return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, itself) : blocked; /* as sphere_blocks has it */
+    return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, itself) : blocked; /* as in sphere_blocks */
 }
 
 INLINE Mask one_lane(int lane)
@@ -338,7 +339,7 @@ STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index 
     return blocked;
 }
 
-/* HAS_STACKS: the ray and shapes after shapes, one after the other. */
+/* How many slots the shape has whose first this is. */
 INLINE int slots_from(const Shapes *shapes, int slot)
 {
 #define X(NAME, name, words)                                                                                 \
@@ -349,6 +350,7 @@ INLINE int slots_from(const Shapes *shapes, int slot)
     return 1;
 }
 
+/* HAS_STACKS: the loops over all. */
 STAGE Hit each_stacked_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
     Meeting nearest = no_meeting(ray);

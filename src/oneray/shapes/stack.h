@@ -7,9 +7,9 @@
 
 /* By slot, those of triangles included. */
 typedef struct {
-    Int count;         /* of stacks; a slot that shares its place with none is one by itself, numbered beyond */
-    Int *of;           /* its stack */
-    Int *layer;        /* the larger, the farther along … */
+    Int count; /* of stacks; a slot that shares its place with none is one by itself, numbered beyond */
+    Int *of; /* its stack */
+    Int *layer; /* the larger, the farther along … */
     const Num (*up)[3]; /* by stack: its normal; 0 of spheres, whose up is outwards */
 } StackTables;
 
@@ -22,7 +22,8 @@ INLINE Seat seat_of(const StackTables *stacks, Index slot)
 {
     Mask none = slot < 0;
     Index at = index_select(none, index_of(0), slot);
-    return (Seat){index_select(none, index_of(-1), gather_index(stacks->of, at)), gather_index(stacks->layer, at)};
+    return (Seat){
+        index_select(none, index_of(-1), gather_index(stacks->of, at)), gather_index(stacks->layer, at)};
 }
 
 /* Does a ray that goes upwards, or does not, come through layer a before layer b of a stack? */
