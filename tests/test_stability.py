@@ -70,7 +70,8 @@ STIFF = [case for case in CASES if case.name != "many-samples" and case not in p
 @pytest.mark.parametrize("case", STIFF, ids=lambda case: case.name)
 def test_auto_takes_double_for_what_is_stiff(oneray: Path, case: Case) -> None:
     """At the goal, and at the first value that is not ordinary. Sums are in double in either precision, and
-    surfaces in one place are right in either (test_one_place.py). The furnace's goal takes long to render: a value before it.
+    surfaces in one place are right in either (test_one_place.py). The furnace's goal takes long to render: a
+    value before it.
     """
     limit = ORDINARY.get(case.name, 1e-3)
     sign = 1 if case.values[-1] > case.values[0] else -1

@@ -40,7 +40,7 @@ def _beside_ball(p: Parsed) -> Truth:
 
 
 def upright_irradiance(width: mpf, distance: mpf) -> mpf:
-    """E/L, sr, from a rectangle of height 1 that stands on the receiver's plane, a lower corner straight ahead."""
+    """E/L, sr, from a rectangle of height 1 that stands on the receiver's plane, a corner straight ahead."""
     slant = mpmath.sqrt(1 + distance**2)
     return (mpmath.atan(width / distance) - distance / slant * mpmath.atan(width / slant)) / 2
 
