@@ -58,13 +58,17 @@ static inline Facet facet_of(const Description *d, int shape, int k)
         memcpy(f.corner[0], side.middle, sizeof side.middle);
         return f;
     }
-    double step = 2 * PI / f.corners, around = f.corners == 4 ? sqrt(2) : 1 / cos(step / 2);
-    for (int c = 0; c < f.corners; c++)
+    for (int c = 0; c < f.corners; c++) {
+        double x = c == 1 || c == 2 ? -1 : 1, y = c < 2 ? 1 : -1;
+        if (f.corners > 4) {
+            x = cos((c + 0.5) * 2 * PI / f.corners) / cos(PI / f.corners);
+            y = sin((c + 0.5) * 2 * PI / f.corners) / cos(PI / f.corners);
+        }
         for (int i = 0; i < 3; i++) {
-            double along_x = cos((c + 0.5) * step) * side.x[i], along_y = sin((c + 0.5) * step) * side.y[i];
-            f.corner[c][i] = side.middle[i] + around * (along_x + along_y);
+            f.corner[c][i] = side.middle[i] + x * side.x[i] + y * side.y[i];
             f.reach[i] = fmax(f.reach[i], fabs(f.corner[c][i]));
         }
+    }
     return f;
 }
 

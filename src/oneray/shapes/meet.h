@@ -241,11 +241,8 @@ typedef struct {
     Seat start, end;
 } Ends;
 
-INLINE Ends ends_of(const Shapes *shapes, const Ray *ray, Index target, Features f)
+INLINE Ends ends_of(const Shapes *shapes, const Ray *ray, Index target)
 {
-    Seat none = {index_of(-1), index_of(0)};
-    if (!(f.has & HAS_STACKS))
-        return (Ends){none, none};
     return (Ends){seat_of(&shapes->stacks, ray->from), seat_of(&shapes->stacks, target)};
 }
 
@@ -279,11 +276,12 @@ INLINE Mask one_lane(int lane)
 
 /* The nearest by the tree of all but triangles: each lane's ray by itself. At a leaf all lanes look at the
    shape, and only that one counts. */
-STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+INLINE Hit nearest_in_tree(
+    const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int stacked, Features f)
 {
     Hit hit = {ray->tmax, index_of(-1)}, at;
     Meeting nearest = no_meeting(ray);
-    Seat start = f.has & HAS_STACKS ? seat_of(&shapes->stacks, ray->from) : nearest.seat;
+    Seat start = stacked ? seat_of(&shapes->stacks, ray->from) : nearest.seat;
     Beams beams;
     beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -301,7 +299,7 @@ STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidin
                 continue;
             }
             int slot = shapes->slot_of_leaf[-2 - next.child];
-            if (f.has & HAS_STACKS) {
+            if (stacked) {
                 meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
                 hit = (Hit){nearest.t, nearest.slot};
                 continue;
@@ -313,10 +311,19 @@ STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidin
     return hit;
 }
 
-STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
+STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+{
+    return nearest_in_tree(shapes, ray, active, hiding, 0, f);
+}
+STAGE Hit tree_stacked_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+{
+    return nearest_in_tree(shapes, ray, active, hiding, 1, f);
+}
+
+/* `ends`, where not NULL, are those of the ray in stacks. */
+INLINE Mask blocked_in_tree(const Shapes *shapes, const Ray *ray, Mask active, Index target, const Ends *ends)
 {
     Mask blocked = mask_none();
-    Ends ends = ends_of(shapes, ray, target, f);
     Beams beams;
     beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -329,14 +336,24 @@ STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index 
             int child = pending[--count].child;
             if (child >= 0)
                 add_children(&shapes->tree.nodes[child], &beam, (float)LANE(ray->tmax, lane), pending, &count);
-            else if (f.has & HAS_STACKS)
-                met = one & stacked_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, &ends, target);
+            else if (ends)
+                met = one & stacked_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, ends, target);
             else
                 met = one & slot_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, target);
         }
         blocked |= met;
     }
     return blocked;
+}
+
+STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+{
+    return blocked_in_tree(shapes, ray, active, target, NULL);
+}
+STAGE Mask tree_stacked_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+{
+    Ends ends = ends_of(shapes, ray, target);
+    return blocked_in_tree(shapes, ray, active, target, &ends);
 }
 
 /* How many slots the shape has whose first this is. */
@@ -360,10 +377,10 @@ STAGE Hit each_stacked_hit(const Shapes *shapes, const Ray *ray, Mask active, Ma
     return (Hit){nearest.t, nearest.slot};
 }
 
-STAGE Mask each_stacked_blocks(const Shapes *shapes, const Ray *ray, Index target, Features f)
+STAGE Mask each_stacked_blocks(const Shapes *shapes, const Ray *ray, Index target)
 {
     Mask blocked = mask_none();
-    Ends ends = ends_of(shapes, ray, target, f);
+    Ends ends = ends_of(shapes, ray, target);
     for (int slot = 0; slot < shapes->first[SHAPE_MESH]; slot += slots_from(shapes, slot))
         blocked |= stacked_blocks(shapes, slot, ray, &ends, target);
     return blocked;
@@ -425,10 +442,11 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
 STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
     Hit hit;
-    if (f.has & HAS_TREE) {
+    if (f.has & HAS_STACKS) {
+        hit = f.has & HAS_TREE ? tree_stacked_hit(shapes, ray, active, hiding, f)
+                               : each_stacked_hit(shapes, ray, active, hiding, f);
+    } else if (f.has & HAS_TREE) {
         hit = tree_hit(shapes, ray, active, hiding, f);
-    } else if (f.has & HAS_STACKS) {
-        hit = each_stacked_hit(shapes, ray, active, hiding, f);
     } else {
         hit = flat_hit(shapes, ray, hiding, f);
         solid_hit(shapes, ray, hiding, &hit, f);
@@ -442,9 +460,13 @@ STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hid
    none. */
 STAGE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
-    Mask blocked = f.has & HAS_TREE     ? tree_blocks(shapes, ray, active, target, f)
-                   : f.has & HAS_STACKS ? each_stacked_blocks(shapes, ray, target, f)
-                                        : each_blocks(shapes, ray, target, f);
+    Mask blocked;
+    if (f.has & HAS_STACKS)
+        blocked = f.has & HAS_TREE ? tree_stacked_blocks(shapes, ray, active, target)
+                                   : each_stacked_blocks(shapes, ray, target);
+    else
+        blocked = f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target)
+                                   : each_blocks(shapes, ray, target, f);
     if (f.has & HAS_MESH)
         blocked |= triangles_blocked(shapes, ray, and_not(active, blocked), target, f);
     return blocked;
