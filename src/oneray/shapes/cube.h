@@ -52,6 +52,19 @@ STAGE Stretch cube_stretch(const CubeRow *cube, const Ray *ray, Index on, Faces 
     return (Stretch){-before, after, -before <= after};
 }
 
+/* Does the ray meet the cube, where, and which of its faces? */
+INLINE Mask cube_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hit *at)
+{
+    Faces faces = {index_of(0), index_of(0)};
+    Index face = ray->from - slot;
+    Mask on = (face >= 0) & (face < 6);
+    Stretch s = cube_stretch(&ROWS(shapes, CUBE, Cube)[i], ray, face, &faces);
+    at->t = stretch_hit(s, on);
+    Mask entering = at->t == s.near;
+    at->slot = slot + index_select(entering, faces.enter, faces.leave);
+    return s.met & (at->t > real(0));
+}
+
 /* Where the ray is in the cube, and the slots of the faces that it enters and leaves by; it starts on slot `on`. */
 INLINE Stretch cube_through(const Shapes *shapes, int i, int slot, const Ray *ray, Index on, Index through[2])
 {
@@ -60,18 +73,6 @@ INLINE Stretch cube_through(const Shapes *shapes, int i, int slot, const Ray *ra
     through[0] = slot + faces.enter;
     through[1] = slot + faces.leave;
     return s;
-}
-
-/* Does the ray meet the cube, where, and which of its faces? */
-INLINE Mask cube_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hit *at)
-{
-    Index face = ray->from - slot, through[2];
-    Mask on = (face >= 0) & (face < 6);
-    Stretch s = cube_through(shapes, i, slot, ray, ray->from, through);
-    at->t = stretch_hit(s, on);
-    Mask entering = at->t == s.near;
-    at->slot = index_select(entering, through[0], through[1]);
-    return s.met & (at->t > real(0));
 }
 
 INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
