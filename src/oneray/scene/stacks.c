@@ -16,7 +16,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FEW = 24, MOST_WARNINGS = 8 };
+enum { MOST_WARNINGS = 8 };
+
+#define COMPARE(a, b) (((a) > (b)) - ((a) < (b)))
 
 /* A shape as a whole. */
 typedef struct {
@@ -25,18 +27,24 @@ typedef struct {
     double outward; /* of a closed shape: 1 if its normals point to where the camera is, else -1 */
 } Body;
 
-/* A side in the search: its box, in floats that are no smaller. */
+/* A side that is no triangle, and what may be in its place is in the box. */
 typedef struct {
-    float low[3], high[3];
+    TreeBox box;
     int shape, side;
 } Item;
+
+typedef struct {
+    double normal[3];
+    int shape;
+} Triangle;
 
 typedef struct {
     Description *d;
     const char *file;
     double rounding, eye[3];
     Body *bodies;
-    Item *items; /* by side */
+    Triangle *triangles;
+    double slack; /* no two triangles in one place are farther apart */
     int *first; /* by shape: its first side among all */
     int32_t *parent; /* by side: another of its stack, or itself */
     int side_count;
@@ -276,89 +284,131 @@ static void test_pair(Finder *finder, const Facet *a, const Facet *b)
     warn_of_order(finder, a, b);
 }
 
-static bool boxes_meet(const Item *a, const Item *b)
+static TreeBox box_of(const Finder *finder, const Facet *f)
 {
-    for (int i = 0; i < 3; i++)
-        if (a->low[i] > b->high[i] || b->low[i] > a->high[i])
-            return false;
-    return true;
-}
-
-static void test_all(Finder *finder, const int32_t *some, int count)
-{
-    Facet *facets = reallocate(NULL, (size_t)count, sizeof *facets);
-    for (int i = 0; i < count; i++)
-        facets[i] = facet_of(finder->d, finder->items[some[i]].shape, finder->items[some[i]].side);
-    for (int i = 0; i < count; i++)
-        for (int k = 0; k < i; k++)
-            if (boxes_meet(&finder->items[some[i]], &finder->items[some[k]]))
-                test_pair(finder, &facets[k], &facets[i]);
-    free(facets);
-}
-
-/* Along which axis the items' middles are farthest apart, and where their mean is. */
-static int cut_of(const Finder *finder, const int32_t *some, int count, float *at)
-{
-    float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX};
-    double mean[3] = {0};
-    int axis = 0;
-    for (int k = 0; k < count; k++)
-        for (int i = 0; i < 3; i++) {
-            const Item *item = &finder->items[some[k]];
-            float middle = 0.5F * item->low[i] + 0.5F * item->high[i];
-            low[i] = middle < low[i] ? middle : low[i];
-            high[i] = middle > high[i] ? middle : high[i];
-            mean[i] += (double)middle;
-        }
-    for (int i = 1; i < 3; i++)
-        axis = 0.5F * high[i] - 0.5F * low[i] > 0.5F * high[axis] - 0.5F * low[axis] ? i : axis;
-    *at = (float)(mean[axis] / count);
-    return axis;
-}
-
-/* All pairs of some items whose boxes meet, by cutting space in two; what lies on the cut is on both sides. */
-static void search(Finder *finder, const int32_t *some, int count)
-{
-    int32_t *half[2] = {NULL, NULL};
-    int size[2] = {0, 0};
-    if (count > FEW) {
-        float at;
-        int axis = cut_of(finder, some, count, &at);
-        half[0] = reallocate(NULL, 2 * (size_t)count, sizeof *half[0]);
-        half[1] = half[0] + count;
-        for (int k = 0; k < count; k++) {
-            const Item *item = &finder->items[some[k]];
-            half[0][size[0]] = half[1][size[1]] = some[k];
-            size[0] += item->low[axis] <= at;
-            size[1] += item->high[axis] >= at;
-        }
-    }
-    int most = count - count / 8;
-    if (count > FEW && size[0] <= most && size[1] <= most && size[0] + size[1] <= count + count / 4) {
-        search(finder, half[0], size[0]);
-        search(finder, half[1], size[1]);
-    } else {
-        test_all(finder, some, count);
-    }
-    free(half[0]);
-}
-
-static Item item_of(const Finder *finder, int shape, int side)
-{
-    Facet f = facet_of(finder->d, shape, side);
-    Item item = {.shape = shape, .side = side};
+    TreeBox box;
+    double slack = tolerance(f, f, finder->eye, finder->rounding);
     for (int i = 0; i < 3; i++) {
-        double low = f.corner[0][i] - f.radius, high = f.corner[0][i] + f.radius;
-        for (int c = 1; c < f.corners; c++) {
-            low = fmin(low, f.corner[c][i]);
-            high = fmax(high, f.corner[c][i]);
+        box.low[i] = f->corner[0][i] - f->radius;
+        box.high[i] = f->corner[0][i] + f->radius;
+        for (int c = 1; c < f->corners; c++) {
+            box.low[i] = fmin(box.low[i], f->corner[c][i]);
+            box.high[i] = fmax(box.high[i], f->corner[c][i]);
         }
-        double slack =
-            tolerance(&f, &f, finder->eye, finder->rounding) + (double)FLT_EPSILON * fmax(-low, high);
-        item.low[i] = (float)fmin(fmax(low - slack, -(double)FLT_MAX), (double)FLT_MAX);
-        item.high[i] = (float)fmin(fmax(high + slack, -(double)FLT_MAX), (double)FLT_MAX);
+        box.low[i] -= slack;
+        box.high[i] += slack;
     }
-    return item;
+    return box;
+}
+
+static Facet facet_of_triangle(const Finder *finder, int t)
+{
+    int shape = finder->triangles[t].shape;
+    return facet_of(finder->d, shape, t - finder->d->shapes[shape].as.mesh.first_triangle);
+}
+
+/* Is a corner of triangle b off the plane of a? */
+static bool leaves_plane(const Finder *finder, int a, int b)
+{
+    const Mesh *mesh = &finder->d->mesh;
+    const double *n = finder->triangles[a].normal, *p = mesh->vertex[mesh->triangle[a][0]];
+    for (int c = 0; c < 3; c++) {
+        const double *q = mesh->vertex[mesh->triangle[b][c]];
+        if (fabs(n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])) > finder->slack)
+            return true;
+    }
+    return false;
+}
+
+static bool test_triangles(void *to, int one, int other)
+{
+    Finder *finder = to;
+    if (leaves_plane(finder, one, other) && leaves_plane(finder, other, one))
+        return false;
+    Facet a = facet_of_triangle(finder, one < other ? one : other);
+    Facet b = facet_of_triangle(finder, one < other ? other : one);
+    test_pair(finder, &a, &b);
+    return false;
+}
+
+/* Triangles near a side of another shape. */
+typedef struct {
+    Finder *finder;
+    const Item *item;
+    Facet facet;
+} Query;
+
+static bool may_touch(const void *query, const TreeBox *box)
+{
+    const Query *q = query;
+    return !boxes_apart(box, &q->item->box, q->finder->slack);
+}
+
+static bool test_triangle(void *query, int t)
+{
+    Query *q = query;
+    Facet f = facet_of_triangle(q->finder, t);
+    test_pair(q->finder, &q->facet, &f);
+    return false;
+}
+
+static int by_low(const void *a, const void *b)
+{
+    const Item *p = a, *q = b;
+    int order = COMPARE(p->box.low[0], q->box.low[0]);
+    order = order ? order : COMPARE(p->shape, q->shape);
+    return order ? order : COMPARE(p->side, q->side);
+}
+
+/* Sides that are no triangles: with each other by a sweep along x, with triangles by their tree. */
+static void test_items(Finder *finder, Item *items, int count)
+{
+    qsort(items, (size_t)count, sizeof *items, by_low);
+    for (int i = 0; i < count; i++) {
+        Query q = {finder, &items[i], facet_of(finder->d, items[i].shape, items[i].side)};
+        for (int k = i + 1; k < count && items[k].box.low[0] <= items[i].box.high[0]; k++)
+            if (!boxes_apart(&items[i].box, &items[k].box, 0)) {
+                Facet f = facet_of(finder->d, items[k].shape, items[k].side);
+                test_pair(finder, &q.facet, &f);
+            }
+        mesh_tree_visit(&finder->d->mesh_tree, &q, may_touch, &q, test_triangle);
+    }
+}
+
+static void set_triangles(Finder *finder, int shape)
+{
+    const MeshShape *mesh = &finder->d->shapes[shape].as.mesh;
+    for (int t = mesh->first_triangle; t < mesh->first_triangle + mesh->triangle_count; t++) {
+        double a[3], b[3];
+        triangle_edges(&finder->d->mesh, t, 0, a, b, finder->triangles[t].normal);
+        unit(finder->triangles[t].normal, finder->triangles[t].normal);
+        finder->triangles[t].shape = shape;
+    }
+}
+
+/* All pairs of sides that may be in one place. */
+static void search(Finder *finder)
+{
+    const Description *d = finder->d;
+    const MeshTree *tree = &d->mesh_tree;
+    int count = 0;
+    Item *items = allocate((size_t)(finder->side_count - d->mesh.triangle_count), sizeof *items);
+    finder->triangles = allocate((size_t)d->mesh.triangle_count, sizeof *finder->triangles);
+    for (int i = 0; i < d->shape_count; i++)
+        if (d->shapes[i].kind == SHAPE_MESH)
+            set_triangles(finder, i);
+        else
+            for (int k = 0; k < shape_sides(&d->shapes[i]); k++) {
+                Facet f = facet_of(d, i, k);
+                items[count++] = (Item){box_of(finder, &f), i, k};
+            }
+    double reach = fmax(extent_of(finder->eye), fmax(extent_of(tree->all.low), extent_of(tree->all.high)));
+    finder->slack = 8 * finder->rounding * reach;
+    test_items(finder, items, count);
+    if (d->mesh.triangle_count)
+        mesh_tree_pairs(tree, &d->mesh, finder->slack, finder, test_triangles);
+    free(items);
+    free(finder->triangles);
 }
 
 /* Layers. */
@@ -372,8 +422,6 @@ typedef struct {
     bool up; /* it faces along the normal */
     double height, doubt;
 } Member;
-
-#define COMPARE(a, b) (((a) > (b)) - ((a) < (b)))
 
 static int by_height(const void *a, const void *b)
 {
@@ -497,16 +545,9 @@ void find_stacks(Description *d, const char *file, double rounding)
         finder.side_count += shape_sides(&d->shapes[i]);
     }
     finder.parent = allocate((size_t)finder.side_count, sizeof *finder.parent);
-    finder.items = allocate((size_t)finder.side_count, sizeof *finder.items);
-    int32_t *all = allocate((size_t)finder.side_count, sizeof *all);
-    for (int i = 0; i < shapes; i++)
-        for (int k = 0; k < shape_sides(&d->shapes[i]); k++, side++) {
-            finder.items[side] = item_of(&finder, i, k);
-            finder.parent[side] = all[side] = side;
-        }
-    search(&finder, all, side);
-    free(all);
-    free(finder.items);
+    for (; side < finder.side_count; side++)
+        finder.parent[side] = side;
+    search(&finder);
     lay_stacks(&finder);
     free(finder.parent);
     free(finder.bodies);
