@@ -3,6 +3,7 @@
    LANES of them go at a time. */
 #include "estimators/light.h"
 #include "prepare/prepare.h"
+#include "scene/stacks.h"
 
 typedef struct {
     const double *in;
@@ -155,7 +156,12 @@ OVER_COLUMNS(conductor)
 
 /* ---- A scene, and the technique by which it is sampled. The description must live as long as the scene. */
 extern void *scene_read(const char *file);
-void *scene_read(const char *file) { return description_read(file, NULL, 0, NULL); }
+void *scene_read(const char *file)
+{
+    Description *d = description_read(file, NULL, 0, NULL);
+    find_stacks(d, file, NUM_ROUNDING);
+    return d;
+}
 extern void *scene_open(
     const void *description, int estimator, int hemisphere, int choice, int points, int schlick, int uv);
 void *scene_open(
@@ -273,6 +279,29 @@ OVER_COLUMNS(frame)
     put(b, 5, at.v);
     put_vec(b, 6, at.dp_du);
     put_vec(b, 9, at.dp_dv);
+}
+
+/* Two rays (o, d) to: do both meet something; is the way free from the point that the first meets to that of the second, and
+   back; the lesser of its cosines at the ends, without sign. */
+OVER_COLUMNS(visibility)
+{
+    Features f = scene->features;
+    Surface at[2];
+    Mask met = mask_all(), front;
+    for (size_t k = 0; k < 2; k++) {
+        Ray ray = {get_vec(b, 6 * k), get_vec(b, 6 * k + 3), real(NUM_MAX), index_of(-1)};
+        Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
+        at[k] = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
+        met &= hit.slot >= index_of(0);
+    }
+    put_mask(b, 0, met);
+    for (size_t k = 0; k < 2; k++) {
+        Vec delta = vec_sub(at[1 - k].p, at[k].p);
+        Real distance = vec_length(delta);
+        Ray ray = {at[k].p, vec_scale(delta, real(1) / distance), distance, at[k].slot};
+        put_mask(b, 1 + k, mask_not(shapes_occluded(&scene->shapes, &ray, met, at[1 - k].slot, f)));
+        put(b, 3, real_min(real_abs(vec_dot(at[0].face, ray.d)), real_abs(vec_dot(at[1].face, ray.d))));
+    }
 }
 
 /* ---- Lights. A receiver is (p, n, slot). */

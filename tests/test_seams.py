@@ -30,7 +30,8 @@ WITH_A_SEAM = "-DLIST(X)=X(room, ROOM | HAS_BLEND | HAS_PARTS, PANELS)"
 
 def instructions(sources: Path, target: Path, kinds: Path, instance: str = INSTANCE) -> Counter[str]:
     """Of one instance: how many of each there are. Which of two numbers a comparison names first, and so
-    which way it jumps, is chance; so is what fills a line up, and now and then a move between registers.
+    which way it jumps, is chance; so is what fills a line up, and now and then a move between registers, or
+    a number once more in all lanes of one.
     """
     command = [
         "cc", "-std=c99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
@@ -41,7 +42,7 @@ def instructions(sources: Path, target: Path, kinds: Path, instance: str = INSTA
     subprocess.run(command, check=True, capture_output=True, text=True)
     command = ["objdump", "-d", "--no-show-raw-insn", str(target)]
     listing = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    found = Counter(re.findall(r"^ +[0-9a-f]+:\t(\S+)", listing, re.MULTILINE))
+    found = Counter(re.findall(r"^ +[0-9a-f]+:\t(?!shufps \$0x0,)(\S+)", listing, re.MULTILINE))
     for one, other in (("jl", "jg"), ("jle", "jge"), ("ja", "jb"), ("jae", "jbe")):
         found[f"{one} or {other}"] = found.pop(one, 0) + found.pop(other, 0)
     return Counter({name: count for name, count in found.items() if not name.startswith(("nop", "mov"))})
@@ -58,7 +59,7 @@ def test_seams_fold_away(tmp_path: Path) -> None:
     build(tmp_path / "build", goal="kinds")
     whole = instructions(SOURCES, tmp_path / "whole.o", tmp_path / "build")
     without = instructions(copy, tmp_path / "without.o", tmp_path / "build")
-    assert whole.total() > 2_000
+    assert whole.total() > 1_500
     assert whole == without
     used = instructions(SOURCES, tmp_path / "used.o", tmp_path / "build", WITH_A_SEAM)
     not_used = instructions(copy, tmp_path / "not_used.o", tmp_path / "build", WITH_A_SEAM)

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from raycheck.base.errors import RenderError
 from raycheck.commands.app import app
-from raycheck.measuring.stability import plots, sweeps
+from raycheck.measuring.stability import places, plots, sweeps
 from raycheck.measuring.stability.case import Case, Parsed
 from raycheck.measuring.stability.cases import CASES
 from raycheck.measuring.stability.formulas import cone_irradiance, rectangle_irradiance
@@ -64,10 +64,14 @@ def precision(oneray: Path, case: Case, x: float) -> str:
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["precision"]
 
 
-@pytest.mark.parametrize("case", [c for c in CASES if c.name != "many-samples"], ids=lambda case: case.name)
+STIFF = [case for case in CASES if case.name != "many-samples" and case not in places.CASES]
+
+
+@pytest.mark.parametrize("case", STIFF, ids=lambda case: case.name)
 def test_auto_takes_double_for_what_is_stiff(oneray: Path, case: Case) -> None:
-    """At the goal, and at the first value that is not ordinary. Sums are in double in either precision. The
-    furnace's goal takes long to render: a value before it.
+    """At the goal, and at the first value that is not ordinary. Sums are in double in either precision, and
+    surfaces in one place are right in either (test_one_place.py). The furnace's goal takes long to render: a
+    value before it.
     """
     limit = ORDINARY.get(case.name, 1e-3)
     sign = 1 if case.values[-1] > case.values[0] else -1
@@ -156,6 +160,13 @@ def test_closed_forms_by_other_ways() -> None:
     big = mpf(10) ** 9
     assert float(rectangle_irradiance(-big, big, -big, big, mpf(1))) == pytest.approx(np.pi, rel=1e-8)
     assert float(rectangle_irradiance(mpf(0), big, mpf(0), big, mpf(1))) == pytest.approx(np.pi / 4, rel=1e-8)
+
+
+def test_an_upright_rectangle_by_another_way() -> None:
+    """∫∫ cosθ cosθ_lamp/r² over the rectangle: z/r on the floor, y/r at the lamp."""
+    width, y = mpf("0.75"), mpf("0.5")
+    by_parts = mpmath.quad(lambda x, z: z * y / (x * x + y * y + z * z) ** 2, [0, width], [0, 1])
+    assert float(places.upright_irradiance(width, y)) == pytest.approx(float(by_parts), rel=1e-12)
 
 
 def test_numbers_are_those_that_a_program_parses() -> None:

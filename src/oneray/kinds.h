@@ -61,6 +61,7 @@
     X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
     X(MANY_LIGHTS, many_lights, "light choice")                                                              \
     X(HIDDEN, hidden, "hidden emitters")                                                                      \
+    X(STACKS, stacks, "surfaces in one place")                                                                \
     X(UV, uv, "texture coordinates")                                                                         \
     X(ANISOTROPIC, anisotropic, "anisotropic roughness")
 

@@ -8,6 +8,7 @@
 #include "options.h"
 #include "render.h"
 #include "scene/precision.h"
+#include "scene/stacks.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -99,6 +100,7 @@ static void render_scene(Options *options)
     else if (!strcmp(options->precision, "single"))
         refuse_beyond_single(scene, options->scene);
     Render r = {.options = options, .scene = scene, .kernel = options_kernel(options)};
+    find_stacks(scene, options->scene, r.kernel->rounding);
     r.prepared = r.kernel->prepare(scene, &options->technique);
     seconds.build = seconds_now() - start;
 

@@ -1,6 +1,7 @@
-/* Scene files: read, and asked for their precision. */
+/* Scene files: read, asked for their precision, and searched for surfaces in one place. */
 #include "scene/description.h"
 #include "scene/precision.h"
+#include "scene/stacks.h"
 
 static void read_scene(const uint8_t *bytes, size_t size)
 {
@@ -10,6 +11,7 @@ static void read_scene(const uint8_t *bytes, size_t size)
     const uint64_t image[2] = {size % 3 * 7, 0};
     Description *description = description_read("scene.xml", given, size % 4 == 0, image);
     precision_for(description, reason, (int)sizeof reason);
+    find_stacks(description, "scene.xml", size % 2 ? 1e-7 : 1e-16);
     description_free(description);
 }
 

@@ -98,10 +98,14 @@ INLINE void sample_area(const Emitters *emitters, Index i, Real u, Real v, Vec *
     }
 }
 
-/* No flat light sees itself, however its cosine is rounded. */
+/* No flat light sees itself, however its cosine is rounded; nor is one sampled from a surface in its place, where it
+   would be in all directions at no distance. */
 INLINE Mask is_itself(const Emitters *emitters, Index i, const Receiver *at, Features f)
 {
-    Mask itself = index_of_light(emitters->slot, i, f) == at->slot;
+    Index slot = index_of_light(emitters->slot, i, f);
+    Mask itself = slot == at->slot;
+    if (f.has & HAS_STACKS)
+        itself = seat_of(emitters->stacks, slot).stack == seat_of(emitters->stacks, at->slot).stack;
     return f.has & HAS_SPHERE_LIGHT ? and_not(itself, shines_from(emitters, SHAPE_SPHERE, i, f)) : itself;
 }
 

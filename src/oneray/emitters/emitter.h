@@ -71,6 +71,7 @@ typedef struct {
     Num (*slot_emission)[3]; /* by slot: radiance along the slot's normal, 0 for what is no light */
     Int *slot_light;         /* by slot: which light it is, 0 for what is none; of a mesh, what to add to
                                 the triangle's slot */
+    const StackTables *stacks; /* HAS_STACKS: the shapes' */
     Int sky;                 /* which light the environment is */
     Num world_center[3], world_radius; /* a ball around the scene, which far lights shine on */
 } Emitters;

@@ -25,6 +25,10 @@ INLINE Light surface_emission_met(
         i = index_select(shines, i, index_of(0));
     }
     Real weight = weight_of_hit(path, inverse_pdf_w_light(path, scene, i, hit.t, s->cos_face, f), f);
+    if (f.has & HAS_STACKS) { /* in the place that the ray starts from it is met only so (is_itself) */
+        Receiver at = last_receiver(path);
+        weight = select(is_itself(emitters, i, &at, f), real(1), weight);
+    }
     return light_only(shines, light_scale(emission, weight));
 }
 

@@ -95,4 +95,5 @@ static void render(const void *scene, const Job *job, Counters *counters, int ge
 }
 
 extern const Kernel KERNEL;
-const Kernel KERNEL = {BY_PRECISION("single", "double"), LANES, prepare_and_learn, features, instance, render, release};
+const Kernel KERNEL = {BY_PRECISION("single", "double"), NUM_ROUNDING, LANES, prepare_and_learn, features,
+    instance, render, release};

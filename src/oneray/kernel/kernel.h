@@ -25,6 +25,7 @@ typedef struct {
 
 typedef struct {
     const char *precision;
+    double rounding; /* of a number, at most, relative to it */
     int lanes;
     void *(*prepare)(const Description *description, const Technique *technique);
     Features (*features)(const void *scene);

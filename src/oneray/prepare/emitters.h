@@ -172,6 +172,7 @@ static void prepare_emitters(
 {
     Emitters *emitters = &scene->emitters;
     double center[3], radius = bounding_ball(d, center), largest_mean = 0, largest = 0;
+    emitters->stacks = &scene->shapes.stacks;
     store(emitters->world_center, center);
     emitters->world_radius = (Num)radius;
     for (int i = 0; i < d->emitter_count; i++) {

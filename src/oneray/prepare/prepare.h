@@ -85,6 +85,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f.has |= HAS_MANY_LIGHTS;
     if (d->hide_emitters)
         f.has |= HAS_HIDDEN;
+    if (d->stacks.count)
+        f.has |= HAS_STACKS;
     if (technique->hemisphere == HEMISPHERE_COSINE)
         f.use |= USE_COSINE;
     if ((f.has & HAS_DIELECTRIC) && technique->fresnel == FRESNEL_SCHLICK)

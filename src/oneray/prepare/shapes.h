@@ -187,6 +187,33 @@ static void place_shapes(Scene *scene, const Description *d, int *first_slot)
         s->blocking[kind] = of_kind[kind].front;
 }
 
+/* The stacks by slot. */
+static void prepare_stacks(Scene *scene, const Description *d, const int *first_slot)
+{
+    StackTables *to = &scene->shapes.stacks;
+    const Stacks *from = &d->stacks;
+    int slots = scene->shapes.slot_count + d->mesh.triangle_count;
+    Num(*up)[3] = keep(scene, (size_t)from->count, sizeof *up);
+    to->count = from->count;
+    to->of = keep(scene, (size_t)slots, sizeof *to->of);
+    to->layer = keep(scene, (size_t)slots, sizeof *to->layer);
+    for (int i = 0; i < from->count; i++)
+        store(up[i], from->up[i]);
+    to->up = (const Num(*)[3])up;
+    for (int slot = 0; slot < slots; slot++)
+        to->of[slot] = from->count + slot;
+    for (int i = 0, side = 0; i < d->shape_count; i++) {
+        const Shape *shape = &d->shapes[i];
+        int first = shape->kind == SHAPE_MESH ? scene->shapes.triangles.first_slot + shape->as.mesh.first_triangle
+                                              : first_slot[i];
+        for (int k = 0; k < shape_sides(shape); k++, side++) {
+            if (from->of[side] >= 0)
+                to->of[first + k] = from->of[side];
+            to->layer[first + k] = from->layer[side];
+        }
+    }
+}
+
 /* Fills the shape tables. */
 static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
 {
@@ -200,6 +227,8 @@ static void prepare_shapes(Scene *scene, const Description *d, int *first_slot)
         s->place = keep(scene, (size_t)s->slot_count, sizeof *s->place);
     place_shapes(scene, d, first_slot);
     prepare_triangles(scene, d, first_slot);
+    if (scene->features.has & HAS_STACKS)
+        prepare_stacks(scene, d, first_slot);
     if (scene->features.has & HAS_TREE)
         prepare_shape_tree(scene, d, first_slot);
 }

@@ -122,5 +122,8 @@ void description_free(Description *description)
     for (int i = 0; i < description->mesh_file_count; i++)
         free(description->mesh_files[i]);
     free(description->mesh_files);
+    free(description->stacks.of);
+    free(description->stacks.layer);
+    free(description->stacks.up);
     free(description);
 }

@@ -68,6 +68,14 @@ typedef struct {
 } Sensor;
 #undef X
 
+/* Surfaces in one place, as far as rays can tell, and the order in which a ray meets them (scene/stacks.c). */
+typedef struct {
+    int count;       /* of stacks; 0: no two surfaces are in one place, and none of what follows is there */
+    int32_t *of;     /* by side, shape after shape: its stack, -1 for none */
+    int32_t *layer;  /* by side: the larger, the farther along the stack's normal; equal ones never meet a ray twice */
+    double (*up)[3]; /* by stack: a unit normal of it; of spheres 0, it is outwards */
+} Stacks;
+
 typedef struct {
     Sensor sensor;
     int sample_count;        /* samples per pixel that the file asks for */
@@ -85,6 +93,7 @@ typedef struct {
     int mesh_file_count;
     Emitter *emitters;
     int emitter_count;
+    Stacks stacks;
     bool hinted;   /* it was said why the picture may be black */
     uint64_t hash; /* FNV-1a of the bytes of the file and of its mesh files, and the sorted -D parameters */
 } Description;

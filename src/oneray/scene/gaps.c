@@ -224,6 +224,14 @@ static bool is_inside(const Search *s, const Face *face, const double n[3])
     return solid && dot(face->normal, n) * outwards < 0 && is_empty(s, face->shape);
 }
 
+/* Is the surface of both the same on this side, wherever on them it is? */
+static bool same_surface(const Search *s, const Face *a, int of_a, const Face *b, int of_b)
+{
+    bool smooth = (a->shape->kind == SHAPE_MESH && a->shape->as.mesh.smooth)
+                  || (b->shape->kind == SHAPE_MESH && b->shape->as.mesh.smooth);
+    return of_a == of_b && (of_a == MATERIAL_NONE || (!smooth && !material_wants_uv(s->d, of_a)));
+}
+
 static bool exchange_shows(const Search *s, const Face *a, const Face *b)
 {
     if (!opaque_and_dark(s->d, a->shape) || !opaque_and_dark(s->d, b->shape))
@@ -233,8 +241,8 @@ static bool exchange_shows(const Search *s, const Face *a, const Face *b)
         bool same = dot(a->normal, b->normal) > 0;
         int of_a = side > 0 ? a->shape->front : a->shape->back;
         int of_b = (side > 0) == same ? b->shape->front : b->shape->back;
-        bool black = of_a == MATERIAL_NONE && of_b == MATERIAL_NONE;
-        if (!black && !is_inside(s, a, n) && !is_inside(s, b, n) && !is_bottom(s, a, b, n))
+        bool alike = same_surface(s, a, of_a, b, of_b) && (same || of_a == MATERIAL_NONE);
+        if (!alike && !is_inside(s, a, n) && !is_inside(s, b, n) && !is_bottom(s, a, b, n))
             return true;
     }
     return false;

@@ -65,6 +65,16 @@ INLINE Mask cube_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hi
     return s.met & (at->t > real(0));
 }
 
+/* Where the ray is in the cube, and the slots of the faces that it enters and leaves by; it starts on slot `on`. */
+INLINE Stretch cube_through(const Shapes *shapes, int i, int slot, const Ray *ray, Index on, Index through[2])
+{
+    Faces faces = {index_of(0), index_of(0)};
+    Stretch s = cube_stretch(&ROWS(shapes, CUBE, Cube)[i], ray, on - slot, &faces);
+    through[0] = slot + faces.enter;
+    through[1] = slot + faces.leave;
+    return s;
+}
+
 INLINE Mask cube_blocks(const Shapes *shapes, int i, int slot, const Ray *ray, Index target)
 {
     Index face = ray->from - slot, aim = target - slot;

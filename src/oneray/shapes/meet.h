@@ -180,6 +180,92 @@ STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index tar
     return within;
 }
 
+/* HAS_STACKS: where the ray, which starts in this seat on slot `from`, meets a shape's surface, by its first slot: a
+   solid's twice. Gives how often. */
+STAGE int slot_meetings(const Shapes *shapes, int slot, const Ray *ray, Seat start, Meeting m[2])
+{
+    const StackTables *stacks = &shapes->stacks;
+    Mask within = mask_none();
+    Crossing c = {real(0), real(1), real(0), real(0)};
+    Index on = index_of(-1), through[2];
+#define X(NAME, name, words)                                                                                 \
+    if (slot >= shapes->first[SHAPE_##NAME] && slot < shapes->first[SHAPE_##NAME + 1]) {                     \
+        for (int k = 0; k < SLOTS(name); k++)                                                                \
+            on = index_select(index_of(stacks->of[slot + k]) == start.stack, index_of(slot + k), on);        \
+        Mask own = (ray->from >= index_of(slot)) & (ray->from < index_of(slot + SLOTS(name)));               \
+        on = index_select(own, ray->from, on);                                                               \
+        Stretch s = name##_through(                                                                          \
+            shapes, (slot - shapes->first[SHAPE_##NAME]) / SLOTS(name), slot, ray, on, through);             \
+        m[0] = meeting_at(stacks, s.near, through[0], and_not(s.met, own & (s.near > real(0))), ray->d);     \
+        m[1] = meeting_at(stacks, s.far, through[1], s.met, ray->d);                                         \
+        if (!name##_planes) {                                                                                \
+            m[0].up = mask_none();                                                                           \
+            m[1].up = mask_all();                                                                            \
+        }                                                                                                    \
+        return 2;                                                                                            \
+    }
+    SOLID_SHAPES(X)
+#undef X
+    if (slot < shapes->first[SHAPE_ALIGNED + 1]) {
+        const AlignedRow *row = &ROWS(shapes, ALIGNED, Aligned)[slot];
+        c = aligned_crossing(row, ray, axis_of_slot(shapes, slot));
+        within = within_aligned(row, c);
+    }
+#define X(NAME, name, words)                                                                                 \
+    else IF_SLOT(NAME) c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);
+    FLAT_SHAPES(X)
+#undef X
+    Mask starts = index_of(stacks->of[slot]) == start.stack;
+    m[0] = meeting_at(stacks, select(starts, real(0), c.num / c.den), index_of(slot), within, ray->d);
+    return 1;
+}
+
+INLINE Meeting no_meeting(const Ray *ray)
+{
+    return (Meeting){ray->tmax, index_of(-1), {index_of(-1), index_of(0)}, mask_none(), mask_none()};
+}
+
+/* HAS_STACKS: takes what the ray meets of the shape, if nothing so far is nearer. */
+INLINE void meet_stacked(const Shapes *shapes, int slot, const Ray *ray, Seat start, Mask active, Mask hiding,
+    Meeting *nearest, Features f)
+{
+    Meeting m[2];
+    int count = slot_meetings(shapes, slot, ray, start, m);
+    for (int k = 0; k < count; k++) {
+        Mask met = active & can_meet(shapes, slot, hiding, f) & lies_ahead(&m[k], start);
+        take_meeting(nearest, &m[k], met & is_nearer(&m[k], nearest));
+    }
+}
+
+typedef struct {
+    Seat start, end;
+} Ends;
+
+INLINE Ends ends_of(const Shapes *shapes, const Ray *ray, Index target)
+{
+    return (Ends){seat_of(&shapes->stacks, ray->from), seat_of(&shapes->stacks, target)};
+}
+
+/* HAS_STACKS: is the shape in the way of the ray's end, on slot `target`? That end may lie on the side of a solid that
+   the ray enters it by, or on the one that it leaves it by. */
+STAGE Mask stacked_blocks(const Shapes *shapes, int slot, const Ray *ray, const Ends *ends, Index target)
+{
+    Meeting m[2];
+    Mask blocked = mask_none(), ended = mask_none();
+    int count = slot_meetings(shapes, slot, ray, ends->start, m);
+    Mask far_end = count > 1 ? m[0].t + m[1].t < ray->tmax + ray->tmax : mask_none();
+    for (int k = 0; k < count; k++) {
+        Mask is_end = (m[k].seat.stack == ends->end.stack) & (k ? far_end : mask_not(far_end));
+        Mask by_layer = comes_before(m[k].up, m[k].seat, ends->end);
+        Mask before = (is_end & by_layer) | and_not(m[k].t < ray->tmax, is_end);
+        blocked |= and_not(lies_ahead(&m[k], ends->start) & before, ended);
+        ended |= is_end;
+    }
+    int ball = slot >= shapes->first[SHAPE_SPHERE] && slot < shapes->first[SHAPE_SPHERE + 1];
+    Mask itself = and_not(target == index_of(slot), ends->start.stack == ends->end.stack);
+    return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, itself) : blocked; /* as in sphere_blocks */
+}
+
 INLINE Mask one_lane(int lane)
 {
     Mask one = mask_none();
@@ -190,9 +276,12 @@ INLINE Mask one_lane(int lane)
 
 /* The nearest by the tree of all but triangles: each lane's ray by itself. At a leaf all lanes look at the
    shape, and only that one counts. */
-STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+INLINE Hit nearest_in_tree(
+    const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int stacked, Features f)
 {
     Hit hit = {ray->tmax, index_of(-1)}, at;
+    Meeting nearest = no_meeting(ray);
+    Seat start = stacked ? seat_of(&shapes->stacks, ray->from) : nearest.seat;
     Beams beams;
     beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
@@ -210,6 +299,11 @@ STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidin
                 continue;
             }
             int slot = shapes->slot_of_leaf[-2 - next.child];
+            if (stacked) {
+                meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
+                hit = (Hit){nearest.t, nearest.slot};
+                continue;
+            }
             Mask met = one & slot_meets(shapes, slot, ray, &at) & can_meet(shapes, slot, hiding, f);
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
@@ -217,7 +311,17 @@ STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hidin
     return hit;
 }
 
-STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Hit tree_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+{
+    return nearest_in_tree(shapes, ray, active, hiding, 0, f);
+}
+STAGE Hit tree_stacked_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+{
+    return nearest_in_tree(shapes, ray, active, hiding, 1, f);
+}
+
+/* `ends`, where not NULL, are those of the ray in stacks. */
+INLINE Mask blocked_in_tree(const Shapes *shapes, const Ray *ray, Mask active, Index target, const Ends *ends)
 {
     Mask blocked = mask_none();
     Beams beams;
@@ -232,12 +336,61 @@ STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index 
             int child = pending[--count].child;
             if (child >= 0)
                 add_children(&shapes->tree.nodes[child], &beam, (float)LANE(ray->tmax, lane), pending, &count);
+            else if (ends)
+                met = one & stacked_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, ends, target);
             else
                 met = one & slot_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, target);
         }
         blocked |= met;
     }
     return blocked;
+}
+
+STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+{
+    return blocked_in_tree(shapes, ray, active, target, NULL);
+}
+STAGE Mask tree_stacked_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+{
+    Ends ends = ends_of(shapes, ray, target);
+    return blocked_in_tree(shapes, ray, active, target, &ends);
+}
+
+/* How many slots the shape has whose first this is. */
+INLINE int slots_from(const Shapes *shapes, int slot)
+{
+#define X(NAME, name, words)                                                                                 \
+    if (slot >= shapes->first[SHAPE_##NAME] && slot < shapes->first[SHAPE_##NAME + 1])                       \
+        return SLOTS(name);
+    SOLID_SHAPES(X)
+#undef X
+    return 1;
+}
+
+/* HAS_STACKS: the loops over all. */
+STAGE Hit each_stacked_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+{
+    Meeting nearest = no_meeting(ray);
+    Seat start = seat_of(&shapes->stacks, ray->from);
+    for (int slot = 0; slot < shapes->first[SHAPE_MESH]; slot += slots_from(shapes, slot))
+        meet_stacked(shapes, slot, ray, start, active, hiding, &nearest, f);
+    return (Hit){nearest.t, nearest.slot};
+}
+
+STAGE Mask each_stacked_blocks(const Shapes *shapes, const Ray *ray, Index target)
+{
+    Mask blocked = mask_none();
+    Ends ends = ends_of(shapes, ray, target);
+    for (int slot = 0; slot < shapes->first[SHAPE_MESH]; slot += slots_from(shapes, slot))
+        blocked |= stacked_blocks(shapes, slot, ray, &ends, target);
+    return blocked;
+}
+
+INLINE StackedRay stacked_ray(const Shapes *shapes, const Ray *ray, int lane, Int target)
+{
+    (void)lane;
+    return (StackedRay){&shapes->stacks, {LANE(ray->d.x, lane), LANE(ray->d.y, lane), LANE(ray->d.z, lane)},
+        LANE(ray->from, lane), target};
 }
 
 STAGE void triangles_hit(
@@ -251,13 +404,19 @@ STAGE void triangles_hit(
         Num t = LANE(hit->t, lane);
         Int slot = LANE(hit->slot, lane);
         Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), -1);
-        triangles_nearest(&shapes->triangles, &beam, hidden >> lane & 1 ? shapes->shines : NULL, &t, &slot);
+        const Int *shines = hidden >> lane & 1 ? shapes->shines : NULL;
+        if (f.has & HAS_STACKS) {
+            StackedRay stacked = stacked_ray(shapes, ray, lane, -1);
+            triangles_nearest(&shapes->triangles, &beam, shines, &stacked, &t, &slot);
+        } else {
+            triangles_nearest(&shapes->triangles, &beam, shines, NULL, &t, &slot);
+        }
         LANE(hit->t, lane) = t;
         LANE(hit->slot, lane) = slot;
     }
 }
 
-STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
     Mask blocked = mask_none();
     Beams beams;
@@ -265,7 +424,15 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
         Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), LANE(target, lane));
-        if (triangles_block(&shapes->triangles, &beam, LANE(ray->tmax, lane)))
+        Num tmax = LANE(ray->tmax, lane);
+        int met;
+        if (f.has & HAS_STACKS) {
+            StackedRay stacked = stacked_ray(shapes, ray, lane, LANE(target, lane));
+            met = triangles_block(&shapes->triangles, &beam, &stacked, tmax);
+        } else {
+            met = triangles_block(&shapes->triangles, &beam, NULL, tmax);
+        }
+        if (met)
             blocked |= one_lane(lane);
     }
     return blocked;
@@ -275,7 +442,10 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
 STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
     Hit hit;
-    if (f.has & HAS_TREE) {
+    if (f.has & HAS_STACKS) {
+        hit = f.has & HAS_TREE ? tree_stacked_hit(shapes, ray, active, hiding, f)
+                               : each_stacked_hit(shapes, ray, active, hiding, f);
+    } else if (f.has & HAS_TREE) {
         hit = tree_hit(shapes, ray, active, hiding, f);
     } else {
         hit = flat_hit(shapes, ray, hiding, f);
@@ -290,10 +460,15 @@ STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hid
    none. */
 STAGE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
-    Mask blocked =
-        f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target) : each_blocks(shapes, ray, target, f);
+    Mask blocked;
+    if (f.has & HAS_STACKS)
+        blocked = f.has & HAS_TREE ? tree_stacked_blocks(shapes, ray, active, target)
+                                   : each_stacked_blocks(shapes, ray, target);
+    else
+        blocked = f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target)
+                                   : each_blocks(shapes, ray, target, f);
     if (f.has & HAS_MESH)
-        blocked |= triangles_blocked(shapes, ray, and_not(active, blocked), target);
+        blocked |= triangles_blocked(shapes, ray, and_not(active, blocked), target, f);
     return blocked;
 }
 

@@ -105,6 +105,7 @@ enum { mesh_planes = 0 };
 #ifdef LANES
 
 #include "shapes/frame.h"
+#include "shapes/stack.h"
 #include "trees/tree.h"
 
 /* Up to eight triangles side by side. Of the places left empty all corners are one point, which no ray
@@ -125,11 +126,11 @@ typedef struct {
     int first_slot;             /* triangle i has the slot first_slot + i */
 } Triangles;
 
-/* Which of the leaf's triangles the ray's line meets at t > 0, and where: the edge functions of the triangle
+/* Which of the leaf's triangles the ray's line meets at t > least, and where: the edge functions of the triangle
    sheared along the ray, which are products of the same rounded numbers on both sides of an edge, so that a
    line can slip through neither edge nor corner. 0 counts as inside. Woop, Benthin, Wald, Watertight
    Ray/Triangle Intersection, JCGT 2(1), 2013. */
-INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num t[8])
+INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num least_t, Num t[8])
 {
     unsigned bits = 0;
     for (int part = 0; part < 8; part += PIECE) {
@@ -148,17 +149,32 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num t[8])
         if (!piece_bits(&inside))
             continue;
         Piece sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * PIECE_OF(BEAM(beam, shear[2])) / sum;
-        inside &= (sum != zero) & (at > zero);
+        inside &= (sum != zero) & (at > PIECE_OF(least_t));
         memcpy(t + part, &at, sizeof at);
         bits |= piece_bits(&inside) << part;
     }
     return bits;
 }
 
+/* Is the triangle `here` met, and before the nearest so far? With stacks *at becomes 0 where the ray starts in its. */
+INLINE int triangle_nearer(const StackedRay *stacked, const Beam *beam, Int here, Num *at, Num t, Int slot)
+{
+    if (stacked && in_one_stack(stacked->stacks, stacked->start, here)) {
+        *at = 0;
+        if (!slot_before(stacked, stacked->start, here))
+            return 0;
+    } else if (here == beam->from || !(*at > 0)) {
+        return 0;
+    }
+    if (stacked && in_one_stack(stacked->stacks, here, slot))
+        return slot_before(stacked, here, slot);
+    return *at < t || (*at == t && here < slot);
+}
+
 /* The nearest before *t, or as near and of a lower slot. `shines`, where not NULL, says by row what the ray
-   passes by. */
-static inline void triangles_nearest(
-    const Triangles *triangles, const Beam *beam, const Int *shines, Num *t, Int *slot)
+   passes by; `stacked`, where not NULL, knows of surfaces in one place. */
+INLINE void triangles_nearest(
+    const Triangles *triangles, const Beam *beam, const Int *shines, const StackedRay *stacked, Num *t, Int *slot)
 {
     Pending pending[PENDING_MOST];
     pending[0] = (Pending){0, 0};
@@ -172,9 +188,9 @@ static inline void triangles_nearest(
         }
         const TriangleLeaf *leaf = &triangles->leaves[-2 - next.child];
         Num at[8];
-        for (unsigned bits = leaf_meets(leaf, beam, at); bits; bits &= bits - 1) {
+        for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
             int k = lowest_lane(bits), here = leaf->slot[k];
-            if (here == beam->from || !(at[k] < *t || (at[k] == *t && here < *slot)))
+            if (!triangle_nearer(stacked, beam, here, &at[k], *t, *slot))
                 continue;
             if (shines && shines[triangles->row[here - triangles->first_slot]])
                 continue;
@@ -184,8 +200,19 @@ static inline void triangles_nearest(
     }
 }
 
+/* Is the triangle `here` between the ray's ends? */
+INLINE int triangle_between(const StackedRay *stacked, const Beam *beam, Int here, Num at, Num t)
+{
+    if (!stacked)
+        return at < t && here != beam->from && here != beam->target;
+    int from_start = in_one_stack(stacked->stacks, stacked->start, here);
+    int to_end = in_one_stack(stacked->stacks, here, stacked->end);
+    return (from_start ? slot_before(stacked, stacked->start, here) : at > 0)
+           && (to_end ? slot_before(stacked, here, stacked->end) : at < t || from_start);
+}
+
 /* L3 Is any in the way before t, one that is neither where the ray starts nor where it ends? */
-static inline int triangles_block(const Triangles *triangles, const Beam *beam, Num t)
+INLINE int triangles_block(const Triangles *triangles, const Beam *beam, const StackedRay *stacked, Num t)
 {
     Pending pending[PENDING_MOST];
     pending[0] = (Pending){0, 0};
@@ -197,9 +224,9 @@ static inline int triangles_block(const Triangles *triangles, const Beam *beam, 
         }
         const TriangleLeaf *leaf = &triangles->leaves[-2 - child];
         Num at[8];
-        for (unsigned bits = leaf_meets(leaf, beam, at); bits; bits &= bits - 1) {
+        for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
             int k = lowest_lane(bits);
-            if (at[k] < t && leaf->slot[k] != beam->from && leaf->slot[k] != beam->target)
+            if (triangle_between(stacked, beam, leaf->slot[k], at[k], t))
                 return 1;
         }
     }

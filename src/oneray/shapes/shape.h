@@ -1,7 +1,8 @@
 /* Shapes, and what a ray meets of each: W rays at once. meet.h looks at all of them.
 
    No epsilon keeps a ray off the surface that it starts from: the ray knows which primitive that is. A flat
-   one is left out; from a sphere or cube only the far side can be met, and only by a ray that goes inwards.
+   one is left out; from a sphere or cube only the far side can be met, and only by a ray that goes inwards. Other
+   surfaces in the same place are met in the order of their layers (stack.h).
 
    A slot is what a ray can hit: a rectangle (those along the axes first), a disk, one of a cube's six faces,
    a sphere, a triangle, numbered in the order of SHAPES in kinds.h. Tables by slot have a row for each, except that
@@ -18,6 +19,7 @@
    for SOLID_SHAPES
      name_meets           where a ray meets it first
      name_blocks          whether it is in a ray's way
+     name_through         where a ray from one of its slots, or from elsewhere, is in it, and by which it comes and goes
    for ROUND_SHAPES
      name_anchor          four numbers that stand for its surface, and
      name_surface         by them the point of it and its normal. */
@@ -27,6 +29,7 @@
 #include "shapes/frame.h"
 #include "shapes/mesh.h"
 #include "shapes/placed.h"
+#include "shapes/stack.h"
 
 #ifdef SINGLE
 #define NEARLY_PARALLEL 1e-30
@@ -54,6 +57,7 @@ typedef struct {
     Num (*anchor)[4]; /* by slot: the unit normal n of a flat primitive and n·p of its plane; the center of a
                          sphere and its radius, negative if flip_normals */
     Int *shines;      /* by slot: is there an area light, even one of no power? */
+    StackTables stacks; /* HAS_STACKS */
     Num (*place)[6][4]; /* HAS_UV, by slot: the rows from the world to its own space, and back */
 } Shapes;
 

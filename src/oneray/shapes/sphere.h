@@ -75,6 +75,13 @@ STAGE Stretch sphere_stretch(const SphereRow *ball, const Ray *ray, Mask on)
     return (Stretch){-b - root, root - b, (discriminant >= real(0)) | on};
 }
 
+/* Where the ray is in the sphere, which it starts on if `on` is its slot. */
+INLINE Stretch sphere_through(const Shapes *shapes, int i, int slot, const Ray *ray, Index on, Index through[2])
+{
+    through[0] = through[1] = index_of(slot);
+    return sphere_stretch(&ROWS(shapes, SPHERE, Sphere)[i], ray, on == index_of(slot));
+}
+
 INLINE Mask sphere_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hit *at)
 {
     Mask on = ray->from == index_of(slot);

@@ -107,6 +107,69 @@ bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(con
     return false;
 }
 
+typedef struct {
+    const MeshTree *tree;
+    const TreeBox *box; /* of the triangles, in the order of the leaves */
+    double slack;
+    void *to;
+    bool (*use)(void *to, int one, int other);
+} Join;
+
+/* Pairs of one triangle of each of two leaves, or of one leaf. */
+static bool join_leaves(const Join *j, int one, int other)
+{
+    const int32_t *a = j->tree->bvh.leaves[one], *b = j->tree->bvh.leaves[other];
+    int close[LEAF_TRIANGLES], count = 0;
+    for (int k = b[0]; k < b[0] + b[1]; k++)
+        if (!boxes_apart(&j->box[k], &j->tree->leaf[one], j->slack))
+            close[count++] = k;
+    for (int i = a[0]; i < a[0] + a[1] && count; i++) {
+        if (boxes_apart(&j->box[i], &j->tree->leaf[other], j->slack))
+            continue;
+        for (int k = 0; k < count && (one != other || close[k] < i); k++)
+            if (!boxes_apart(&j->box[i], &j->box[close[k]], j->slack)
+                && j->use(j->to, j->tree->triangle[i], j->tree->triangle[close[k]]))
+                return true;
+    }
+    return false;
+}
+
+/* A leaf with those up to it. */
+static bool join_leaf(const Join *j, int leaf)
+{
+    const MeshTree *tree = j->tree;
+    int32_t pending[BVH_DEPTH * BVH_WIDTH] = {0};
+    for (int count = 1; count > 0;) {
+        int32_t node = pending[--count];
+        for (int k = 0; k < BVH_WIDTH; k++) {
+            int32_t child = tree->bvh.nodes[node].child[k], other = -2 - child;
+            if (child == -1 || other > leaf)
+                continue;
+            if (boxes_apart(child >= 0 ? &tree->node[child] : &tree->leaf[other], &tree->leaf[leaf], j->slack))
+                continue;
+            if (child >= 0)
+                pending[count++] = child;
+            else if (join_leaves(j, leaf, other))
+                return true;
+        }
+    }
+    return false;
+}
+
+bool mesh_tree_pairs(
+    const MeshTree *tree, const Mesh *mesh, double slack, void *to, bool (*use)(void *to, int one, int other))
+{
+    bool found = false;
+    TreeBox *box = allocate((size_t)mesh->triangle_count, sizeof *box);
+    for (int i = 0; i < mesh->triangle_count; i++)
+        box[i] = box_of_triangle(mesh, tree->triangle[i]);
+    Join join = {tree, box, slack, to, use};
+    for (int leaf = 0; leaf < tree->bvh.leaf_count && !found; leaf++)
+        found = join_leaf(&join, leaf);
+    free(box);
+    return found;
+}
+
 void mesh_tree_free(MeshTree *tree)
 {
     bvh_free(&tree->bvh);

@@ -11,6 +11,14 @@ typedef struct {
     double low[3], high[3];
 } TreeBox;
 
+static inline bool boxes_apart(const TreeBox *a, const TreeBox *b, double by)
+{
+    for (int i = 0; i < 3; i++)
+        if (a->low[i] > b->high[i] + by || b->low[i] > a->high[i] + by)
+            return true;
+    return false;
+}
+
 typedef struct {
     Bvh bvh;
     int32_t *triangle; /* in the order of the leaves */
@@ -24,4 +32,7 @@ MeshTree mesh_tree_build(const Mesh *mesh);
 /* Goes down into the boxes that `enters`, until `use` of a triangle in one of them returns true; did it? */
 bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(const void *, const TreeBox *),
     void *to, bool (*use)(void *to, int triangle));
+/* The same with pairs of triangles whose boxes are no farther than `slack` apart along each axis, each pair once. */
+bool mesh_tree_pairs(
+    const MeshTree *tree, const Mesh *mesh, double slack, void *to, bool (*use)(void *to, int one, int other));
 void mesh_tree_free(MeshTree *tree);
