@@ -194,8 +194,12 @@ def test_parts_that_can_stand_in_for_each_other_are_said_together_or_not_at_all(
 def test_a_right_part_is_not_blamed_for_another(explain: Told) -> None:
     """Later bounces have no one factor; what is left of them, the direct light could make up for."""
     ramp = np.linspace(-1, 1, TILES)[:, None]
-    of = {("A", "direct", "floor"): area(0, TILES), ("A", "two bounces", "floor"): 0.3 * area(0, TILES)
-          * (1 + 0.8 * ramp), ("A", "more bounces", "floor"): 0.3 * area(0, TILES) * (1 - 0.8 * ramp**2)}  # fmt: skip
+    whole = area(0, TILES)
+    of = {
+        ("A", "direct", "floor"): whole,
+        ("A", "two bounces", "floor"): 0.3 * whole * (1 + 0.8 * ramp),
+        ("A", "more bounces", "floor"): 0.3 * whole * (1 - 0.8 * ramp**2),
+    }
     lost = 0.1 * of["A", "two bounces", "floor"] + 0.3 * of["A", "more bounces", "floor"] * (1 - 0.15 * ramp**2)
     said = sentences.explanation(explain(reference() - enlarge(lost), of))
     assert "more bounces is" in said and "direct" not in said

@@ -362,7 +362,7 @@ def _within(looks: Sequence[Look], errors: Array) -> list[float]:
     there = (errors / scale) ** 2
     left = np.minimum(((truth + errors) / scale) ** 2, (USUAL / LEFT) ** 2 * there)
     share = np.sqrt(left.sum(axis=(1, 2)) / np.maximum(there.sum(axis=(1, 2)), 1e-300))
-    return np.maximum(LEFT * share, LEAST_LEFT).tolist()
+    return [float(within) for within in np.maximum(LEFT * share, LEAST_LEFT)]
 
 
 def _of_one_scene(look: Look) -> Iterator[Group]:
