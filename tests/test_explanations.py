@@ -194,9 +194,12 @@ def test_parts_that_can_stand_in_for_each_other_are_said_together_or_not_at_all(
 def test_a_right_part_is_not_blamed_for_another(explain: Told) -> None:
     """Later bounces have no one factor; what is left of them, the direct light could make up for."""
     ramp = np.linspace(-1, 1, TILES)[:, None]
-    of = {("A", "direct", "floor"): area(0, TILES), ("A", "two bounces", "floor"): 0.3 * area(0, TILES)
-          * (1 + 0.8 * ramp), ("A", "more bounces", "floor"): 0.3 * area(0, TILES) * (1 - 0.8 * ramp**2)}  # fmt: skip
-    lost = 0.1 * of["A", "two bounces", "floor"] + 0.3 * of["A", "more bounces", "floor"] * (1 - 0.15 * ramp**2)
+    direct, twice, more = (
+        area(0, TILES), 0.3 * area(0, TILES) * (1 + 0.8 * ramp), 0.3 * area(0, TILES) * (1 - 0.8 * ramp**2),
+    )  # fmt: skip
+    of = {("A", name, "floor"): light for name, light in
+          (("direct", direct), ("two bounces", twice), ("more bounces", more))}  # fmt: skip
+    lost = 0.1 * twice + 0.3 * more * (1 - 0.15 * ramp**2)
     said = sentences.explanation(explain(reference() - enlarge(lost), of))
     assert "more bounces is" in said and "direct" not in said
 
@@ -270,6 +273,14 @@ def test_what_leaves_more_than_noise_is_not_said(explain: Told) -> None:
     like = {"like": -0.3 * area(0, 22) * (1 + 0.12 * signs), "same": -0.3 * area(0, 22)}
     found = explain(reference() - 0.3 * enlarge(area(0, 22)), TWO, like)
     assert parts_of(found) == ["A"] and named(found) == ["same"]
+
+
+def test_a_mistake_leaves_the_light_that_is_there(explain: Told) -> None:
+    """An eighth of a light is not a quarter of it, though what is missing is nearly the same."""
+    dim = {"quarter": -0.75 * area(0, 22), "half": -0.5 * area(0, 22)}
+    for left, said in ((0.25, ["quarter"]), (0.18, []), (0.5, ["half"])):
+        found = explain(reference() - (1 - left) * enlarge(area(0, 22)), TWO, dim)
+        assert parts_of(found) == ["A"] and named(found) == said
 
 
 def test_each_channel_has_to_be_explained(explain: Told) -> None:

@@ -82,8 +82,8 @@ def _unseen(found: Mapping[str, Any]) -> str:
         f"{odd['named']}, which is false in {len(odd['false'])} ({100 * odd['false_rate'][0]:.1f} … "
         f"{100 * odd['false_rate'][1]:.1f} % at {100 * odd['confidence']:.0f} % confidence); of "
         f"{odd['covered']} that a part of the light, a convention or the catalogue covers, "
-        f"{odd['covered_named']} are named at once ({share:.0f} %). In the other half {len(even['false'])} of "
-        f"{even['named']} are false, and {even['covered_named']} of {even['covered']} named."
+        f"{odd['covered_named']} are named at once ({share:.0f} %). In the other half "
+        f"{len(even['false'])} of {even['named']} are false, and {even['covered_named']} of {even['covered']} named."
     )
 
 
