@@ -276,6 +276,14 @@ def test_what_leaves_more_than_noise_is_not_said(explain: Told) -> None:
     assert parts_of(found) == ["A"] and named(found) == ["same"]
 
 
+def test_a_mistake_leaves_the_light_that_is_there(explain: Told) -> None:
+    """An eighth of a light is not a quarter of it, though what is missing is nearly the same."""
+    dim = {"quarter": -0.75 * area(0, 22), "half": -0.5 * area(0, 22)}
+    for left, said in ((0.25, ["quarter"]), (0.18, []), (0.5, ["half"])):
+        found = explain(reference() - (1 - left) * enlarge(area(0, 22)), TWO, dim)
+        assert parts_of(found) == ["A"] and named(found) == said
+
+
 def test_each_channel_has_to_be_explained(explain: Told) -> None:
     wrong = enlarge(area(5, 30) * [1.0, 1.0, 0.6])
     assert not explain(reference() + wrong, signatures={"a": area(5, 30)})

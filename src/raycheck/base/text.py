@@ -80,7 +80,7 @@ def as_printed(words: str, stream: TextIO) -> str:
 
 
 def nearest(word: str, known: Collection[str]) -> str:
-    """"; did you mean NAME?" for a known name that is like the word, else nothing."""
+    """ "; did you mean NAME?" for a known name that is like the word, else nothing."""
     found = difflib.get_close_matches(word, known, n=1)
     return f"; did you mean {found[0]}?" if found else ""
 

@@ -163,10 +163,8 @@ WHERE = re.compile(r"the image as a whole is|(all )?\d+ (of \d+ )?tiles differ|n
 def named(said: str) -> str:
     """What a FAIL's sentence names, its figures left out; empty where it names nothing."""
     told = re.sub(r" \((by chance )?correct renderers [^()]*\)", "", said)
-    first, *others = told.split("; ")
-    if WHERE.match(first):
-        told = "; ".join(text for text in others if "these mistakes" in text or "this mistake" in text
-                         or text.startswith("bright samples"))  # fmt: skip
+    if WHERE.match(told):
+        told = "".join(re.findall(r"; ((?:it looks like|bright samples are) .*)", told))
     return re.sub(r"\d+(\.\d+)?", "#", told)
 
 

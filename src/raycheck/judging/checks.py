@@ -6,7 +6,7 @@ is wrong.
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -26,10 +26,6 @@ beyond chance.
 """
 LAMP, FEWEST_CAPPED = 4.0, 32
 """Share of a cap from which a pixel may show a lamp; samples that end at it, in half as many pixels."""
-BELOW = 0.1
-"""Samples between half a cap and it, by those that end at it: what was cut off had a tail, and a lamp that is
-seen through glass or by a mirror has none.
-"""
 OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
 """Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
 
@@ -170,12 +166,15 @@ def clamped(images: Array, reference: Array, reference_variance: Array) -> str |
     )
 
 
-def capped_samples(images: Array, truth: Truth) -> str | None:
+def capped_samples(images: Array, truth: Truth, radiances: Collection[float] = ()) -> str | None:
     """Samples that all end at one value, in many places: of images (B, H, W, 3) with one sample per pixel.
-    Not where the reference shows a lamp, whose radiance many samples have.
+    Not where the reference shows a lamp, whose radiance many samples have, nor at the `radiances` of lamps,
+    which samples have that meet one through glass.
     """
     bright = images.max(axis=3)
     cap = float(bright.max())
+    if any(abs(cap - radiance) <= 1e-3 * radiance for radiance in radiances):
+        return None
     lamp = np.pad(truth.mean.max(axis=2) >= cap / LAMP, 1, mode="edge")
     near = np.any(
         [lamp[i : i + bright.shape[1], j : j + bright.shape[2]] for i in range(3) for j in range(3)], axis=0
@@ -183,8 +182,6 @@ def capped_samples(images: Array, truth: Truth) -> str | None:
     at_cap = (bright >= cap * (1 - 1e-5)) & ~near
     pixels = int(at_cap.any(axis=0).sum())
     if cap <= 0 or at_cap.sum() < FEWEST_CAPPED or pixels < FEWEST_CAPPED // 2:
-        return None
-    if ((bright >= cap / 2) & (bright < cap * (1 - 1e-5)) & ~near).sum() < BELOW * at_cap.sum():
         return None
     return (
         f"bright samples are clamped at {cap:.4g}: {int(at_cap.sum())} samples in {pixels} pixels have just "

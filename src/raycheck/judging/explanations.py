@@ -112,9 +112,9 @@ class Group:
     prior: Sequence[float] = ()
     """Taken from ℓ, for what is said; nothing if empty."""
     usual: float | None = None
-    """The strength by nature…"""
+    """The strength by nature."""
     within: Sequence[float] = ()
-    """…and how far from it each may be; USUAL if empty."""
+    """How far from it mistakes may be to be just what is seen."""
     offset: float = 0.0
     """Of a factor over the strength of its direction."""
     encoding: Encoding | None = None
@@ -161,12 +161,16 @@ class Standing:
         """Whether what it leaves is no more than noise, and what it may be off by nature."""
         return bool(self.fits.misfit[self.index] <= REFUTED)
 
+    def just_that(self) -> bool:
+        """Whether a mistake leaves just the light that is there; of other candidates nothing more is asked."""
+        off = np.abs(self.fits.strengths[self.index] - 1)
+        return not self.group.within or bool(np.all(off <= self.group.within[self.index]))
+
     def sharp(self) -> bool:
         """Whether its strengths are what they are by nature, or else known well enough to be said."""
         strengths, half, usual = self.fits.strengths[self.index], self._half(), self.group.usual
         if usual is not None:
-            within = self.group.within[self.index] if self.group.within else USUAL
-            return bool(np.all(np.abs(strengths - usual) <= np.minimum(USUAL - half, within)))
+            return bool(np.all(np.abs(strengths - usual) <= USUAL - half))
         most = np.abs(strengths + self.group.offset - 1).max(initial=0.0)
         return bool(np.all(half <= SHARP * most))
 
@@ -191,7 +195,10 @@ def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
         second[n] for n, s in enumerate(first) if isinstance(s.subject, Mistake) and _same(looks, best, s)
     ]
     found = [s for s in (*same, *alike) if s.sharp() and s.fits_well() and _accounts(looks, s)]
-    said = _said(found, others)
+    exact = [s for s in found if s.just_that()]
+    if all(isinstance(s.subject, Mistake) for s in found) and exact:
+        exact = found  # what no picture here tells from the one that it is, is said with it
+    said = _said(exact, others)
     return replace(said, nearest=nearest)
 
 
@@ -362,7 +369,7 @@ def _within(looks: Sequence[Look], errors: Array) -> list[float]:
     there = (errors / scale) ** 2
     left = np.minimum(((truth + errors) / scale) ** 2, (USUAL / LEFT) ** 2 * there)
     share = np.sqrt(left.sum(axis=(1, 2)) / np.maximum(there.sum(axis=(1, 2)), 1e-300))
-    return [float(within) for within in np.maximum(LEFT * share, LEAST_LEFT)]
+    return [max(LEFT * one, LEAST_LEFT) for one in share.tolist()]
 
 
 def _of_one_scene(look: Look) -> Iterator[Group]:

@@ -173,7 +173,7 @@ def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case
     )
     if found.outcome is Outcome.FAIL and not fixed and found.bias_high < 0:
         singles, _ = renders.render(1, seeds[1 : 1 + PILOT_IMAGES])
-        capped = checks.capped_samples(singles, truth)
+        capped = checks.capped_samples(singles, truth, renders.task.content.radiances)
         sentence += f"; {capped}" if capped else ""
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions))
 

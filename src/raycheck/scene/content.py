@@ -35,6 +35,8 @@ class SceneContent:
     hide_emitters: bool = False
     filtered: bool = False
     """By a filter wider than a pixel, which makes the noise of neighbours alike; Mitsuba's default is one."""
+    radiances: tuple[float, ...] = ()
+    """Of the lights that rays can meet, in the channel where it is largest, W·sr⁻¹·m⁻²."""
     unbounded: frozenset[str] = frozenset()
     """Techniques that the scene's comment says have samples without bound ("Unbounded: nee, light: why"), so
     that their variance may be infinite.
@@ -76,6 +78,10 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
         rr_depth=int(setting("integer", "rr_depth", "5")), sphere_lights=shining.count("sphere"),
         flat_lights=sum(kind in FLAT for kind in shining), faces=sum(kind in MANY_FACES for kind in shining),
         specular=bool(materials & SPECULAR),
+        radiances=tuple(
+            max(map(float, value.get("value", "").replace(",", " ").split()), default=0.0)
+            for value in root.iterfind(".//emitter/rgb[@name='radiance']")
+        ),
         hide_emitters=setting("boolean", "hide_emitters", "false") == "true", filtered=filters != ["box"],
         unbounded=frozenset(unbounded.group(1).replace(" ", "").split(",") if unbounded else ()),
     )  # fmt: skip

@@ -17,9 +17,7 @@ from raycheck.truth import drift as drifts
 from raycheck.truth import making, mitsuba, references
 
 
-def wanted(
-    scenes: list[str] | None, parameters: dict[str, str], every: bool
-) -> list[variants.Variant]:
+def wanted(scenes: list[str] | None, parameters: dict[str, str], every: bool) -> list[variants.Variant]:
     if not scenes:
         found = variants.ladder()
         return found if every else [variant for variant in found if not references.is_fresh(variant)]

@@ -30,7 +30,9 @@ def show(result: Verification) -> None:
             )
             console.print(
                 one_line(case.reason[:1].upper() + case.reason[1:] + "."),
-                markup=False, highlight=False, soft_wrap=True,
+                markup=False,
+                highlight=False,
+                soft_wrap=True,
             )
     totals = result.header.get("totals", {})
     counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
