@@ -669,7 +669,8 @@ def test_the_text_says_what_the_json_says(path: Path) -> None:
     rows += [(one["type"], one) for one in (*data["primitives"], *data["lights"])]
     for line, (head, row) in zip(lines[-len(rows) :], rows, strict=True):
         assert line.startswith(f"{head}: ")
-        spoken = re.findall(r"([a-z][a-z\d ]*?) (true\b|checkerboard\b|[-+\d.e; ]+)", line.partition(f"{head}: ")[2])
+        words = line.partition(f"{head}: ")[2]
+        spoken = re.findall(r"([a-z][a-z\d ]*?) (true\b|checkerboard\b|[-+\d.e; ]+)", words)
         expected = said_of(row)
         assert [name for name, _ in spoken] == [name for name, _ in expected], line
         for (_, words), (_, numbers) in zip(spoken, expected, strict=True):

@@ -62,11 +62,14 @@ typedef uint64_t Word;
 #endif
 
 /* A larger step: part of each specialised instance, where the feature mask is a constant and what it lacks folds
-   away; in the generic kernel a function that all calls share. */
+   away; in the generic kernel a function that all calls share. One that few scenes take is there also out of the way of
+   the others' registers. */
 #ifdef SPECIALISED
 #define STAGE INLINE
+#define SELDOM INLINE
 #else
 #define STAGE static __attribute__((unused))
+#define SELDOM static __attribute__((unused, noinline, cold))
 #endif
 
 #if LANES == 1

@@ -70,15 +70,16 @@ typedef struct {
     Mask both_sides;   /* it takes light from behind, too, that is no delta's */
 } Surface;
 
-/* The reflectance that stands at this place of a row, of either kind: a scene without textures does not ask. */
+/* The reflectance that stands at this place of a row: its colour, times its texture if there are any. */
 INLINE Light reflectance_at(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
 {
-    Real own[4];
-    gather_four(materials->numbers + place, row << materials->shift, own);
-    Light colour = light(own[0], own[1], own[2]);
-    return f.has & HAS_ANY(TEXTURES)
-               ? light_mul(colour, texture_at(&materials->textures, real_floor(own[3]), s->u, s->v, f))
-               : colour;
+    const Num *numbers = materials->numbers + place;
+    Light colour = light_gather(numbers, row << materials->shift);
+    if (f.has & HAS_ANY(TEXTURES)) {
+        Index texture = real_floor(gather(numbers + ROW_AT(Reflectance, texture), row << materials->shift));
+        colour = light_mul(colour, texture_at(&materials->textures, texture, s->u, s->v, f));
+    }
+    return colour;
 }
 
 /* A row of the surface's material: all of it, or a part of a blend. */

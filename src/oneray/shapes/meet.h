@@ -526,7 +526,7 @@ INLINE Vec rows_dot(Real rows[3][4], Vec a)
 }
 
 /* HAS_UV: the frame at a point p of a slot's surface. */
-STAGE SurfaceFrame surface_frame(const Shapes *shapes, Index slot, Index row, Vec p, Features f)
+SELDOM SurfaceFrame surface_frame(const Shapes *shapes, Index slot, Index row, Vec p, Features f)
 {
     SurfaceFrame frame = {p.x, p.y, p, p};
     Real place[6][4];

@@ -4,7 +4,7 @@
 #include "kinds/textures.h"
 
 /* The value at (u, v) of a row of the textures, 1 of row 0. */
-INLINE Light texture_at(const Textures *textures, Index row, Real u, Real v, Features f)
+SELDOM Light texture_at(const Textures *textures, Index row, Real u, Real v, Features f)
 {
     Light value = light_all(real(1));
     Index kind = gather_index(textures->kind, row);
