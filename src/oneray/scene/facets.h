@@ -8,9 +8,10 @@
 enum { MOST_CORNERS = 8 };
 #define OVERLAP 1e-6 /* of a surface's width: what overlaps by less only touches */
 
-/* A side of a shape. A disk is a polygon around it; a sphere has no corners. */
+/* A side of a shape. A disk is a polygon around it; a sphere has no corners. Corners go around the normal. */
 typedef struct {
     int shape, side, corners;
+    double front; /* 1, or -1 where the normal points away from the front */
     double normal[3]; /* unit, outwards whatever flip_normals says; 0 where rounding leaves none */
     double size[3]; /* the coordinates that what is computed with it goes through wherever on it that is, … */
     double reach[3]; /* … and those of its corners, at most */
@@ -18,32 +19,39 @@ typedef struct {
     double corner[MOST_CORNERS][3];
 } Facet;
 
-static inline void set_triangle(Facet *f, const Mesh *mesh, int triangle)
+/* Without what `tolerance` asks for, or its shape. */
+static inline Facet flat_triangle(const Mesh *mesh, int triangle)
 {
     double a[3], b[3];
-    triangle_edges(mesh, triangle, 0, a, b, f->normal);
-    double size = sqrt(dot(f->normal, f->normal));
-    f->corners = 3;
-    for (int c = 0; c < 3; c++)
-        memcpy(f->corner[c], mesh->vertex[mesh->triangle[triangle][c]], sizeof f->corner[c]);
-    for (int i = 0; i < 3; i++) {
-        f->normal[i] = size > 0 ? f->normal[i] / size : 0;
-        f->size[i] = fmax(fabs(f->corner[0][i]), fmax(fabs(f->corner[1][i]), fabs(f->corner[2][i])));
-        f->reach[i] = f->size[i];
+    Facet f;
+    f.corners = 3;
+    f.front = 1;
+    f.radius = 0;
+    triangle_edges(mesh, triangle, 0, a, b, f.normal);
+    double size = sqrt(dot(f.normal, f.normal));
+    for (int c = 0; c < 3; c++) {
+        memcpy(f.corner[c], mesh->vertex[mesh->triangle[triangle][c]], sizeof f.corner[c]);
+        f.normal[c] = size > 0 ? f.normal[c] / size : 0;
     }
+    return f;
 }
 
 static inline Facet facet_of(const Description *d, int shape, int k)
 {
     const Shape *s = &d->shapes[shape];
     Facet f;
+    if (s->kind == SHAPE_MESH) {
+        f = flat_triangle(&d->mesh, s->as.mesh.first_triangle + k);
+        for (int i = 0; i < 3; i++)
+            f.size[i] = f.reach[i] =
+                fmax(fabs(f.corner[0][i]), fmax(fabs(f.corner[1][i]), fabs(f.corner[2][i])));
+    }
     f.shape = shape;
     f.side = k;
-    f.radius = 0;
-    if (s->kind == SHAPE_MESH) {
-        set_triangle(&f, &d->mesh, s->as.mesh.first_triangle + k);
+    if (s->kind == SHAPE_MESH)
         return f;
-    }
+    f.front = s->as.placed.flip_normals ? -1 : 1;
+    f.radius = 0;
     f.corners = s->kind == SHAPE_DISK ? MOST_CORNERS : 4;
     Side side = shape_side(s, k);
     for (int i = 0; i < 3; i++) {
@@ -58,11 +66,14 @@ static inline Facet facet_of(const Description *d, int shape, int k)
         memcpy(f.corner[0], side.middle, sizeof side.middle);
         return f;
     }
+    double around[3];
+    cross(side.x, side.y, around);
+    double turn = dot(around, side.normal) < 0 ? -1 : 1;
     for (int c = 0; c < f.corners; c++) {
-        double x = c == 1 || c == 2 ? -1 : 1, y = c < 2 ? 1 : -1;
+        double x = c == 1 || c == 2 ? -1 : 1, y = c < 2 ? turn : -turn;
         if (f.corners > 4) {
             x = cos((c + 0.5) * 2 * PI / f.corners) / cos(PI / f.corners);
-            y = sin((c + 0.5) * 2 * PI / f.corners) / cos(PI / f.corners);
+            y = turn * sin((c + 0.5) * 2 * PI / f.corners) / cos(PI / f.corners);
         }
         for (int i = 0; i < 3; i++) {
             f.corner[c][i] = side.middle[i] + x * side.x[i] + y * side.y[i];
@@ -70,6 +81,23 @@ static inline Facet facet_of(const Description *d, int shape, int k)
         }
     }
     return f;
+}
+
+/* The box around it, and so far beyond. */
+static inline TreeBox box_around(const Facet *f, double slack)
+{
+    TreeBox box;
+    for (int i = 0; i < 3; i++) {
+        box.low[i] = f->corner[0][i] - f->radius;
+        box.high[i] = f->corner[0][i] + f->radius;
+        for (int c = 1; c < f->corners; c++) {
+            box.low[i] = fmin(box.low[i], f->corner[c][i]);
+            box.high[i] = fmax(box.high[i], f->corner[c][i]);
+        }
+        box.low[i] -= slack;
+        box.high[i] += slack;
+    }
+    return box;
 }
 
 /* How far apart planes a and b, or spheres, may be where both are and yet be taken for one: eight roundings of the

@@ -1,5 +1,7 @@
 #include "scene/gaps.h"
 
+#include "scene/facets.h"
+
 #include <float.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,72 +11,22 @@
 #define PARALLEL 0.999
 #define WIDE 40
 
-/* A flat piece of a shape: a triangle, parallelogram, or the octagon around a disk; its corners go around `normal`,
-   which points to the side of the shape's front. */
-enum { MOST_CORNERS = 8 };
-typedef struct {
-    const Shape *shape;
-    int count;
-    double corner[MOST_CORNERS][3], normal[3];
-    TreeBox box;
-} Face;
-
-static void box_corners(Face *face)
+static const Shape *shape_of_triangle(const Description *d, int t)
 {
-    for (int i = 0; i < 3; i++) {
-        face->box.low[i] = face->box.high[i] = face->corner[0][i];
-        for (int c = 1; c < face->count; c++) {
-            face->box.low[i] = fmin(face->box.low[i], face->corner[c][i]);
-            face->box.high[i] = fmax(face->box.high[i], face->corner[c][i]);
-        }
-    }
-}
-
-static Face face_of(const Shape *shape, int k)
-{
-    Side side = shape_side(shape, k);
-    Face face = {.shape = shape, .count = shape->kind == SHAPE_DISK ? 8 : 4};
-    double around[3], far = 1 / cos(PI / face.count), sign = shape->as.placed.flip_normals ? -1 : 1;
-    cross(side.x, side.y, around);
-    double turn = dot(around, side.normal) * sign < 0 ? -1 : 1;
-    for (int c = 0; c < face.count; c++)
-        for (int i = 0; i < 3; i++) {
-            double angle = turn * (2 * c + 1) * PI / face.count;
-            face.corner[c][i] = side.middle[i] + far * (cos(angle) * side.x[i] + sin(angle) * side.y[i]);
-        }
-    for (int i = 0; i < 3; i++)
-        face.normal[i] = sign * side.normal[i];
-    box_corners(&face);
-    return face;
-}
-
-static Face face_of_triangle(const Description *d, int t)
-{
-    Face face = {.count = 3};
-    double a[3], b[3];
-    for (int c = 0; c < 3; c++)
-        memcpy(face.corner[c], d->mesh.vertex[d->mesh.triangle[t][c]], sizeof face.corner[c]);
-    triangle_edges(&d->mesh, t, 0, a, b, face.normal);
-    double size = norm(face.normal);
-    for (int i = 0; i < 3; i++)
-        face.normal[i] /= size;
-    box_corners(&face);
-    return face;
-}
-
-static double height_over(const Face *face, const double p[3])
-{
-    double up[3];
-    difference(p, face->corner[0], up);
-    return dot(face->normal, up);
+    const Shape *shape = NULL;
+    for (int i = 0; i < d->shape_count; i++)
+        if (d->shapes[i].kind == SHAPE_MESH && d->shapes[i].as.mesh.first_triangle <= t
+            && t < d->shapes[i].as.mesh.first_triangle + d->shapes[i].as.mesh.triangle_count)
+            shape = &d->shapes[i];
+    return shape;
 }
 
 /* Cuts off what of a polygon is nearer than `inset` to the outer side of the face's edge, or beyond. */
-static int cut(const Face *face, int edge, double inset, double p[][3], int count)
+static int cut(const Facet *face, int edge, double inset, double p[][3], int count)
 {
     double along[3], inwards[3], kept[MOST_CORNERS * 2][3], depth[MOST_CORNERS * 2], out[3];
     int n = 0;
-    difference(face->corner[(edge + 1) % face->count], face->corner[edge], along);
+    difference(face->corner[(edge + 1) % face->corners], face->corner[edge], along);
     cross(face->normal, along, inwards);
     inset *= norm(inwards);
     for (int c = 0; c < count; c++) {
@@ -98,12 +50,12 @@ static int cut(const Face *face, int edge, double inset, double p[][3], int coun
 
 /* The least and the largest distance between two faces, seen along the first's normal, where they lie over each other
    by more than `inset`; the least is 0 where they cross. False: nowhere. */
-static bool distance_between(const Face *a, const Face *b, double inset, double *least, double *most)
+static bool distance_between(const Facet *a, const Facet *b, double inset, double *least, double *most)
 {
     double p[MOST_CORNERS * 2][3], low = HUGE_VAL, high = -HUGE_VAL;
-    int count = b->count;
+    int count = b->corners;
     memcpy(p, b->corner, sizeof b->corner);
-    for (int edge = 0; edge < a->count && count; edge++)
+    for (int edge = 0; edge < a->corners && count; edge++)
         count = cut(a, edge, inset, p, count);
     for (int c = 0; c < count; c++) {
         low = fmin(low, height_over(a, p[c]));
@@ -147,23 +99,17 @@ static bool opaque_and_dark(const Description *d, const Shape *shape)
     return shape->emitter < 0 && !transmits(d, shape->front) && !transmits(d, shape->back);
 }
 
-static bool apart(const TreeBox *box, const double low[3], const double high[3], double by)
+static TreeBox box_of(const Extent *e)
 {
-    for (int i = 0; i < 3; i++)
-        if (low[i] > box->high[i] - by || high[i] < box->low[i] + by)
-            return true;
-    return false;
+    return (TreeBox){{e->low[0], e->low[1], e->low[2]}, {e->high[0], e->high[1], e->high[2]}};
 }
 
 /* Can light be within it, or an eye? What else may be there is seen by neither. */
 static bool is_empty(const Search *s, const Shape *solid)
 {
-    Extent e = shape_extent(solid);
-    TreeBox box;
-    memcpy(box.low, e.low, sizeof box.low);
-    memcpy(box.high, e.high, sizeof box.high);
-    SensorTraits sensor = sensor_traits(&s->d->sensor);
-    bool empty = apart(&box, sensor.origin, sensor.origin, 0);
+    Extent e = shape_extent(solid), eye = ball_extent(sensor_traits(&s->d->sensor).origin, 0);
+    TreeBox box = box_of(&e), other = box_of(&eye);
+    bool empty = boxes_apart(&box, &other, 0);
     for (int i = 0; i < s->d->emitter_count && empty; i++) {
         const Emitter *light = &s->d->emitters[i];
         EmitterTraits traits = emitter_traits(light);
@@ -171,7 +117,8 @@ static bool is_empty(const Search *s, const Shape *solid)
             continue;
         Extent at = light->shape < 0 ? ball_extent(traits.position, traits.radius)
                                      : shape_extent(&s->d->shapes[light->shape]);
-        empty = apart(&box, at.low, at.high, light->shape < 0 ? 0 : s->gap->touch);
+        other = box_of(&at);
+        empty = boxes_apart(&box, &other, light->shape < 0 ? 0 : -s->gap->touch);
     }
     return empty;
 }
@@ -185,7 +132,7 @@ static double beyond(const double low[3], const double high[3], const double n[3
     return reach;
 }
 
-static double shorter_side(const Face *face)
+static double shorter_side(const Facet *face)
 {
     double one[3], next[3];
     difference(face->corner[1], face->corner[0], one);
@@ -196,7 +143,7 @@ static double shorter_side(const Face *face)
 /* Does nothing look at the face from the side that n points to? No camera and no light is there, and what else is
    there is so low, of a 32nd of the smaller face at most, that less than a thousandth of the light that came round
    the edge goes to it and back. */
-static bool is_bottom(const Search *s, const Face *a, const Face *b, const double n[3])
+static bool is_bottom(const Search *s, const Facet *a, const Facet *b, const double n[3])
 {
     const double *p = a->corner[0];
     double deepest = beyond(s->all.low, s->all.high, n, p), touch = s->gap->touch;
@@ -217,31 +164,31 @@ static bool is_bottom(const Search *s, const Face *a, const Face *b, const doubl
 }
 
 /* Is this side of it within a solid that nothing can look out of? */
-static bool is_inside(const Search *s, const Face *face, const double n[3])
+static bool is_inside(const Search *s, const Facet *face, const double n[3])
 {
-    bool solid = face->shape->kind == SHAPE_CUBE;
-    double outwards = face->shape->as.placed.flip_normals ? -1 : 1;
-    return solid && dot(face->normal, n) * outwards < 0 && is_empty(s, face->shape);
+    const Shape *shape = &s->d->shapes[face->shape];
+    return shape->kind == SHAPE_CUBE && dot(face->normal, n) < 0 && is_empty(s, shape);
 }
 
 /* Is the surface of both the same on this side, wherever on them it is? */
-static bool same_surface(const Search *s, const Face *a, int of_a, const Face *b, int of_b)
+static bool same_surface(const Search *s, const Shape *a, int of_a, const Shape *b, int of_b)
 {
-    bool smooth = (a->shape->kind == SHAPE_MESH && a->shape->as.mesh.smooth)
-                  || (b->shape->kind == SHAPE_MESH && b->shape->as.mesh.smooth);
+    bool smooth =
+        (a->kind == SHAPE_MESH && a->as.mesh.smooth) || (b->kind == SHAPE_MESH && b->as.mesh.smooth);
     return of_a == of_b && (of_a == MATERIAL_NONE || (!smooth && !material_wants_uv(s->d, of_a)));
 }
 
-static bool exchange_shows(const Search *s, const Face *a, const Face *b)
+static bool exchange_shows(const Search *s, const Facet *a, const Facet *b)
 {
-    if (!opaque_and_dark(s->d, a->shape) || !opaque_and_dark(s->d, b->shape))
+    const Shape *one = &s->d->shapes[a->shape], *other = &s->d->shapes[b->shape];
+    if (!opaque_and_dark(s->d, one) || !opaque_and_dark(s->d, other))
         return true;
+    bool same = dot(a->normal, b->normal) * a->front * b->front > 0;
     for (int side = -1; side <= 1; side += 2) {
-        double n[3] = {side * a->normal[0], side * a->normal[1], side * a->normal[2]};
-        bool same = dot(a->normal, b->normal) > 0;
-        int of_a = side > 0 ? a->shape->front : a->shape->back;
-        int of_b = (side > 0) == same ? b->shape->front : b->shape->back;
-        bool alike = same_surface(s, a, of_a, b, of_b) && (same || of_a == MATERIAL_NONE);
+        double to = side * a->front, n[3] = {to * a->normal[0], to * a->normal[1], to * a->normal[2]};
+        int of_a = side > 0 ? one->front : one->back;
+        int of_b = (side > 0) == same ? other->front : other->back;
+        bool alike = same_surface(s, one, of_a, other, of_b) && (same || of_a == MATERIAL_NONE);
         if (!alike && !is_inside(s, a, n) && !is_inside(s, b, n) && !is_bottom(s, a, b, n))
             return true;
     }
@@ -250,7 +197,7 @@ static bool exchange_shows(const Search *s, const Face *a, const Face *b)
 
 /* ---- Faces. */
 
-static bool narrow_faces(const Search *s, const Face *a, const Face *b)
+static bool narrow_faces(const Search *s, const Facet *a, const Facet *b)
 {
     const Gap *gap = s->gap;
     double least, most;
@@ -266,7 +213,7 @@ static bool narrow_faces(const Search *s, const Face *a, const Face *b)
 typedef struct {
     const Description *d;
     TreeBox box;
-    const Face *face;
+    const Facet *face;
     double limit;
     void *to;
     bool (*use)(void *to, int triangle);
@@ -276,7 +223,7 @@ static bool may_hold(const void *query, const TreeBox *box)
 {
     const Query *q = query;
     double center[3], reach = q->limit;
-    if (apart(box, q->box.low, q->box.high, -q->limit))
+    if (boxes_apart(box, &q->box, q->limit))
         return false;
     if (!q->face)
         return true;
@@ -287,42 +234,18 @@ static bool may_hold(const void *query, const TreeBox *box)
     return fabs(height_over(q->face, center)) <= reach;
 }
 
-static TreeBox box_of_triangle(const Description *d, int t)
-{
-    const int32_t *corner = d->mesh.triangle[t];
-    TreeBox box;
-    for (int i = 0; i < 3; i++) {
-        double x = d->mesh.vertex[corner[0]][i], y = d->mesh.vertex[corner[1]][i],
-               z = d->mesh.vertex[corner[2]][i];
-        double low = x < y ? x : y, high = x < y ? y : x;
-        box.low[i] = low < z ? low : z;
-        box.high[i] = high > z ? high : z;
-    }
-    return box;
-}
-
 static bool use_if_close(void *query, int t)
 {
     const Query *q = query;
-    TreeBox box = box_of_triangle(q->d, t);
+    TreeBox box = mesh_box(&q->d->mesh, t);
     return may_hold(q, &box) && q->use(q->to, t);
 }
 
 static bool ask(Query *q) { return mesh_tree_visit(&q->d->mesh_tree, q, may_hold, q, use_if_close); }
 
-static const Shape *shape_of_triangle(const Description *d, int t)
-{
-    const Shape *shape = NULL;
-    for (int i = 0; i < d->shape_count; i++)
-        if (d->shapes[i].kind == SHAPE_MESH && d->shapes[i].as.mesh.first_triangle <= t
-            && t < d->shapes[i].as.mesh.first_triangle + d->shapes[i].as.mesh.triangle_count)
-            shape = &d->shapes[i];
-    return shape;
-}
-
 typedef struct {
     Search *search;
-    Face *face;
+    Facet *face;
     int triangle; /* that the face is, or -1 */
 } FaceQuery;
 
@@ -332,20 +255,21 @@ static bool face_meets(void *to, int t)
     double least, most;
     if (t == q->triangle)
         return false;
-    Face other = face_of_triangle(q->search->d, t);
+    Facet other = flat_triangle(&q->search->d->mesh, t);
     if (fabs(dot(other.normal, q->face->normal)) <= PARALLEL
         || !distance_between(q->face, &other, q->search->gap->touch, &least, &most))
         return false;
-    other.shape = shape_of_triangle(q->search->d, t);
+    const Shape *all = q->search->d->shapes;
+    other.shape = (int)(shape_of_triangle(q->search->d, t) - all);
     if (q->triangle >= 0)
-        q->face->shape = shape_of_triangle(q->search->d, q->triangle);
-    return narrow_faces(q->search, q->face, &other) && found(q->search, q->face->shape, other.shape);
+        q->face->shape = (int)(shape_of_triangle(q->search->d, q->triangle) - all);
+    return narrow_faces(q->search, q->face, &other) && found(q->search, &all[q->face->shape], &all[other.shape]);
 }
 
-static bool face_near_triangles(Search *s, Face *face, int triangle)
+static bool face_near_triangles(Search *s, Facet *face, int triangle)
 {
     FaceQuery to = {s, face, triangle};
-    return ask(&(Query){s->d, face->box, face, s->gap->limit, &to, face_meets});
+    return ask(&(Query){s->d, box_around(face, 0), face, s->gap->limit, &to, face_meets});
 }
 
 /* ---- Spheres. */
@@ -373,12 +297,12 @@ static bool ball_meets(void *to, int t)
     BallQuery *q = to;
     const Sphere *ball = &q->ball->as.sphere;
     double limit = q->search->gap->limit, least = HUGE_VAL, most = 0;
-    TreeBox box = box_of_triangle(q->search->d, t);
+    TreeBox box = mesh_box(&q->search->d->mesh, t);
     bool shines = q->ball->emitter >= 0;
     if (far_from(ball->center, &box, true) > ball->radius + 8 * limit
         || far_from(ball->center, &box, false) < ball->radius - 8 * limit)
         return false;
-    Face face = face_of_triangle(q->search->d, t);
+    Facet face = flat_triangle(&q->search->d->mesh, t);
     if (fabs(height_over(&face, ball->center)) > ball->radius + 8 * limit)
         return false;
     for (int c = 0; c < 3; c++) {
@@ -400,10 +324,7 @@ static bool ball_near_triangles(Search *s, const Shape *ball)
 {
     BallQuery to = {s, ball, 0};
     Extent e = shape_extent(ball);
-    TreeBox box;
-    memcpy(box.low, e.low, sizeof box.low);
-    memcpy(box.high, e.high, sizeof box.high);
-    return ask(&(Query){s->d, box, NULL, 8 * s->gap->limit, &to, ball_meets});
+    return ask(&(Query){s->d, box_of(&e), NULL, 8 * s->gap->limit, &to, ball_meets});
 }
 
 /* Two spheres, one that shines near the other's surface, or one just within the other. */
@@ -425,7 +346,7 @@ static bool narrow_spheres(const Shape *one, const Shape *other, double limit, d
 typedef struct {
     const Shape *shape;
     Extent box;
-    Face *faces;
+    Facet *faces;
     int count;
 } Body;
 
@@ -433,13 +354,13 @@ typedef struct {
 static bool shines_near(const Body *ball, const Body *other, double limit)
 {
     const Sphere *sphere = &ball->shape->as.sphere;
-    double outwards = other->shape->as.placed.flip_normals ? -1 : 1, height = 0;
+    double height = 0;
     if (ball->shape->kind != SHAPE_SPHERE || ball->shape->emitter < 0 || !other->count)
         return false;
     if (other->count == 1)
         return fabs(fabs(height_over(other->faces, sphere->center)) - sphere->radius) < 8 * limit;
     for (int k = 0; k < other->count; k++)
-        height = fmax(height, outwards * height_over(&other->faces[k], sphere->center));
+        height = fmax(height, height_over(&other->faces[k], sphere->center));
     return height - sphere->radius < 8 * limit;
 }
 
@@ -492,12 +413,12 @@ static bool narrow_between_shapes(Search *s)
     for (int i = 0; i < count; i++)
         faces += shape_planes(d->shapes[i].kind);
     Body *bodies = allocate((size_t)count, sizeof *bodies);
-    Face *all = allocate((size_t)faces, sizeof *all);
+    Facet *all = allocate((size_t)faces, sizeof *all);
     for (int i = 0; i < count; i++) {
         const Shape *shape = &d->shapes[i];
         bodies[i] = (Body){shape, shape_extent(shape), all + used, shape_planes(shape->kind)};
         for (int k = 0; k < bodies[i].count; k++)
-            all[used++] = face_of(shape, k);
+            all[used++] = facet_of(d, i, k);
     }
     bool close = narrow_among(s, bodies, count);
     for (int i = 0; i < count && !close; i++)
@@ -539,7 +460,7 @@ static bool narrow_between_triangles(Search *s)
                 continue;
             due = fmod(due, 1);
         }
-        Face face = face_of_triangle(d, t);
+        Facet face = flat_triangle(&d->mesh, t);
         if (face_near_triangles(s, &face, t))
             return true;
     }
@@ -580,14 +501,15 @@ typedef struct {
 static bool point_meets(void *to, int t)
 {
     PointQuery *q = to;
-    Face face = face_of_triangle(q->d, t);
+    Facet face = flat_triangle(&q->d->mesh, t);
+    TreeBox box = mesh_box(&q->d->mesh, t);
     double edge[3], size = 0;
     for (int c = 0; c < 3; c++) {
         difference(face.corner[(c + 1) % 3], face.corner[c], edge);
         size = fmax(size, norm(edge));
     }
     q->triangle = t;
-    return fabs(height_over(&face, q->p)) < q->limit && far_from(q->p, &face.box, true) < fmax(size, q->limit);
+    return fabs(height_over(&face, q->p)) < q->limit && far_from(q->p, &box, true) < fmax(size, q->limit);
 }
 
 bool near_triangles(const Description *d, const double p[3], double limit, double reach, int *line)

@@ -156,10 +156,7 @@ static bool is_solid(const Finder *finder, const Facet *f)
 static double front_of(const Finder *finder, const Facet *f)
 {
     const Body *body = body_of(finder, f->shape);
-    const Shape *shape = &finder->d->shapes[f->shape];
-    if (body->closed)
-        return body->outward;
-    return shape->kind != SHAPE_MESH && shape->as.placed.flip_normals ? -1 : 1;
+    return body->closed ? body->outward : f->front;
 }
 
 static bool face_alike(const Finder *finder, const Facet *a, const Facet *b)
@@ -284,23 +281,6 @@ static void test_pair(Finder *finder, const Facet *a, const Facet *b)
     warn_of_order(finder, a, b);
 }
 
-static TreeBox box_of(const Finder *finder, const Facet *f)
-{
-    TreeBox box;
-    double slack = tolerance(f, f, finder->eye, finder->rounding);
-    for (int i = 0; i < 3; i++) {
-        box.low[i] = f->corner[0][i] - f->radius;
-        box.high[i] = f->corner[0][i] + f->radius;
-        for (int c = 1; c < f->corners; c++) {
-            box.low[i] = fmin(box.low[i], f->corner[c][i]);
-            box.high[i] = fmax(box.high[i], f->corner[c][i]);
-        }
-        box.low[i] -= slack;
-        box.high[i] += slack;
-    }
-    return box;
-}
-
 static Facet facet_of_triangle(const Finder *finder, int t)
 {
     int shape = finder->triangles[t].shape;
@@ -400,7 +380,8 @@ static void search(Finder *finder)
         else
             for (int k = 0; k < shape_sides(&d->shapes[i]); k++) {
                 Facet f = facet_of(d, i, k);
-                items[count++] = (Item){box_of(finder, &f), i, k};
+                double slack = tolerance(&f, &f, finder->eye, finder->rounding);
+                items[count++] = (Item){box_around(&f, slack), i, k};
             }
     double reach = fmax(extent_of(finder->eye), fmax(extent_of(tree->all.low), extent_of(tree->all.high)));
     finder->slack = 8 * finder->rounding * reach;

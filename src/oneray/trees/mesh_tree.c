@@ -18,16 +18,6 @@ static void box_join(TreeBox *box, const double low[3], const double high[3])
     }
 }
 
-static TreeBox box_of_triangle(const Mesh *mesh, int t)
-{
-    TreeBox box = box_empty();
-    for (int c = 0; c < 3; c++) {
-        const double *p = mesh->vertex[mesh->triangle[t][c]];
-        box_join(&box, p, p);
-    }
-    return box;
-}
-
 /* The builder's boxes are floats: about the center of all, so that far from the origin they still differ. */
 static BvhItem item_of(const TreeBox *box, const TreeBox *all, int id)
 {
@@ -67,7 +57,7 @@ MeshTree mesh_tree_build(const Mesh *mesh)
         for (int c = 0; c < 3; c++)
             box_join(&tree.all, mesh->vertex[mesh->triangle[t][c]], mesh->vertex[mesh->triangle[t][c]]);
     for (int t = 0; t < count; t++) {
-        TreeBox box = box_of_triangle(mesh, t);
+        TreeBox box = mesh_box(mesh, t);
         items[t] = item_of(&box, &tree.all, t);
     }
     tree.bvh = bvh_build(items, count, LEAF_TRIANGLES);
@@ -80,7 +70,7 @@ MeshTree mesh_tree_build(const Mesh *mesh)
         const int32_t *leaf = tree.bvh.leaves[n];
         tree.leaf[n] = box_empty();
         for (int k = leaf[0]; k < leaf[0] + leaf[1]; k++) {
-            TreeBox box = box_of_triangle(mesh, tree.triangle[k]);
+            TreeBox box = mesh_box(mesh, tree.triangle[k]);
             box_join(&tree.leaf[n], box.low, box.high);
         }
     }
@@ -162,7 +152,7 @@ bool mesh_tree_pairs(
     bool found = false;
     TreeBox *box = allocate((size_t)mesh->triangle_count, sizeof *box);
     for (int i = 0; i < mesh->triangle_count; i++)
-        box[i] = box_of_triangle(mesh, tree->triangle[i]);
+        box[i] = mesh_box(mesh, tree->triangle[i]);
     Join join = {tree, box, slack, to, use};
     for (int leaf = 0; leaf < tree->bvh.leaf_count && !found; leaf++)
         found = join_leaf(&join, leaf);

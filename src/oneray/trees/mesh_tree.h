@@ -11,6 +11,19 @@ typedef struct {
     double low[3], high[3];
 } TreeBox;
 
+static inline TreeBox mesh_box(const Mesh *mesh, int triangle)
+{
+    const int32_t *corner = mesh->triangle[triangle];
+    TreeBox box;
+    for (int i = 0; i < 3; i++) {
+        double x = mesh->vertex[corner[0]][i], y = mesh->vertex[corner[1]][i], z = mesh->vertex[corner[2]][i];
+        double low = x < y ? x : y, high = x < y ? y : x;
+        box.low[i] = low < z ? low : z;
+        box.high[i] = high > z ? high : z;
+    }
+    return box;
+}
+
 static inline bool boxes_apart(const TreeBox *a, const TreeBox *b, double by)
 {
     for (int i = 0; i < 3; i++)
@@ -33,6 +46,6 @@ MeshTree mesh_tree_build(const Mesh *mesh);
 bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(const void *, const TreeBox *),
     void *to, bool (*use)(void *to, int triangle));
 /* The same with pairs of triangles whose boxes are no farther than `slack` apart along each axis, each pair once. */
-bool mesh_tree_pairs(
-    const MeshTree *tree, const Mesh *mesh, double slack, void *to, bool (*use)(void *to, int one, int other));
+bool mesh_tree_pairs(const MeshTree *tree, const Mesh *mesh, double slack, void *to,
+    bool (*use)(void *to, int one, int other));
 void mesh_tree_free(MeshTree *tree);
