@@ -295,3 +295,19 @@ def test_what_stands_on_a_floor_costs_nothing(oneray: Path, tmp_path: Path) -> N
     lamp = square(4, 6, 0.5, glow(1))
     done = run(oneray, tmp_path, world(body + lamp, eye="9, 5, 6"), "--spp", 1, "--stats", "-")
     assert json.loads(done.stdout)["kernel"] == "room" and not done.stderr
+
+
+def test_no_guess_is_spoken_of_where_the_numbers_say_which_is_in_front(oneray: Path, tmp_path: Path) -> None:
+    """Sheets 1e-9 apart at a distance of 1: in one place in single precision, and in order in the file."""
+
+    def said(height: float) -> str:
+        sheets = "".join(
+            shape("rectangle", f'<scale value="2"/><translate z="{z}"/>', diffuse(grey))
+            for z, grey in ((0.0, 0.5), (height, 0.2))
+        )
+        return run(
+            oneray, tmp_path, view(sheets + sky(), "0, 0, 4"), "--precision", "single", "--spp", 1
+        ).stderr
+
+    assert "in one place" in said(0.0)
+    assert "in one place" not in said(1e-9)

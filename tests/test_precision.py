@@ -334,3 +334,12 @@ def test_a_small_sheet_of_a_large_mesh_is_seen(oneray: Path, tmp_path: Path, apa
     body = f'<shape type="ply">{ROUND}<boolean name="face_normals" value="true"/>{matte(0.5)}</shape>' + sky()
     text = world(body, eye="0, 0, 2.5", fov=10)
     assert chosen(oneray, write(tmp_path, text))[0] == ("double" if apart < 1e-3 else "single")
+
+
+def test_sheets_of_one_material_that_face_alike_may_be_exchanged(oneray: Path, tmp_path: Path) -> None:
+    """A millionth apart in a scene that reaches out to 100; of two materials it matters which a ray meets."""
+    same = '<ref id="matte"/>'
+    one = '<bsdf type="diffuse" id="matte"/>' + floor(same) + floor(same, 1e-6)
+    other = floor(diffuse(0.5)) + floor(diffuse(0.2), 1e-6)
+    found = [chosen(oneray, write(tmp_path, world(body + sky())))[0] for body in (one, other)]
+    assert found == ["single", "double"]
