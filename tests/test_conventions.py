@@ -133,6 +133,7 @@ def test_samples_that_end_at_one_value_are_clamped() -> None:
     even = np.ones((32, 32, 3))
     said = checks.capped_samples(singles(1.0, 5.3), of_truth(even))
     assert said and said.startswith("bright samples are clamped at 5.3: ")
+    assert not checks.capped_samples(singles(1.0, 5.3), of_truth(even), [5.3]), "a lamp has that radiance"
     assert checks.capped_samples(singles(1.0, np.inf), of_truth(even)) is None
     assert checks.capped_samples(singles(1.0, 5.3), of_truth(2 * even)) is None
     few = singles(1.0, 5.3)

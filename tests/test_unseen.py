@@ -31,7 +31,7 @@ def test_without_a_mistake_the_renderer_is_right(scene: str) -> None:
     assert case.verdict is Outcome.PASS
 
 
-@pytest.mark.parametrize("name", ["flip_rows", "no_pi", "one_over_d", "lamps_unseen", "gamma_22"])
+@pytest.mark.parametrize("name", ["rotated_half_turn", "no_pi", "one_over_d", "lamps_unseen", "gamma_22"])
 def test_what_is_named_is_so(every: dict[str, unseen.Unseen], name: str) -> None:
     found = unseen.judge(every[name])
     labels = json.loads((unseen.FOLDER / "labels.json").read_text(encoding="utf-8"))

@@ -77,13 +77,15 @@ def _unseen(found: Mapping[str, Any]) -> str:
     share = 100 * odd["covered_named"] / max(odd["covered"], 1)
     return (
         f"Mistakes and conventions that nobody tuned for ([tests/unseen](tests/unseen)), {found['renderer']} "
-        f"of a renderer of its own and {found['oneray']} changes of oneray, each judged by one scene: in the "
-        f"half that no threshold was chosen by, {odd['failed']} of {odd['of']} FAIL, something is named in "
+        f"of a renderer of its own and {found['oneray']} changes of oneray, each judged by one scene. In the "
+        f"half by which no threshold was chosen, though its first false sentences were seen while the rules "
+        f"were made, {odd['failed']} of {odd['of']} FAIL, something is named in "
         f"{odd['named']}, which is false in {len(odd['false'])} ({100 * odd['false_rate'][0]:.1f} … "
         f"{100 * odd['false_rate'][1]:.1f} % at {100 * odd['confidence']:.0f} % confidence); of "
         f"{odd['covered']} that a part of the light, a convention or the catalogue covers, "
         f"{odd['covered_named']} are named at once ({share:.0f} %). In the other half "
-        f"{len(even['false'])} of {even['named']} are false, and {even['covered_named']} of {even['covered']} named."
+        f"{len(even['false'])} of {even['named']} are false, and {even['covered_named']} of "
+        f"{even['covered']} named."
     )
 
 

@@ -162,7 +162,7 @@ class Standing:
         return bool(self.fits.misfit[self.index] <= REFUTED)
 
     def just_that(self) -> bool:
-        """Whether a mistake leaves just the light that is there; of other candidates nothing more is asked."""
+        """Whether a mistake leaves just the light that is there; other candidates need not."""
         off = np.abs(self.fits.strengths[self.index] - 1)
         return not self.group.within or bool(np.all(off <= self.group.within[self.index]))
 
