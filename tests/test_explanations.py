@@ -152,8 +152,8 @@ def test_a_wrong_part_is_said(explain: Told, bias: float) -> None:
 
 
 def test_intervals_hold(explain: Told, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At 99 %: fewer than 27 of 30 would be by chance once in a hundred thousand times. Where a template is known
-    exactly half of one is 2.576 standard deviations, which 18 images tell to 17 %.
+    """At 99 %: fewer than 27 of 30 would be by chance once in a hundred thousand times. Where a template is
+    known exactly half of one is 2.576 standard deviations, which 18 images tell to 17 %.
     """
     wrong = reference() - 0.3 * enlarge(area(0, 22))
     said = [explain(wrong, TWO, seed=seed) for seed in range(30)]
@@ -206,7 +206,8 @@ def test_a_right_part_is_not_blamed_for_another(explain: Told) -> None:
         ("A", "two bounces", "floor"): 0.3 * whole * (1 + 0.8 * ramp),
         ("A", "more bounces", "floor"): 0.3 * whole * (1 - 0.8 * ramp**2),
     }
-    lost = 0.1 * of["A", "two bounces", "floor"] + 0.3 * of["A", "more bounces", "floor"] * (1 - 0.15 * ramp**2)
+    lost = 0.1 * of["A", "two bounces", "floor"]
+    lost += 0.3 * of["A", "more bounces", "floor"] * (1 - 0.15 * ramp**2)
     said = sentences.explanation(explain(reference() - enlarge(lost), of))
     assert "more bounces is" in said and "direct" not in said
 
