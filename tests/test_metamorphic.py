@@ -210,6 +210,11 @@ def mirror(root: ElementTree.Element, folder: Path) -> None:
     for lookat in root.iterfind("./sensor/transform/lookat"):
         for name in ("origin", "target", "up"):
             set_x(lookat, name)
+    for turn in root.iterfind("./sensor/transform/rotate"):  # an axis is mirrored the other way
+        for axis in "yz":
+            turn.set(axis, repr(-float(turn.get(axis, "0"))))
+    for move in root.iterfind("./sensor/transform/translate"):
+        set_x(move, "value")
     for matrix in root.iterfind("./sensor/transform/matrix"):
         numbers = np.array([float(word) for word in matrix.get("value", "").replace(",", " ").split()])
         signs = np.outer([-1, 1, 1, 1], [-1, 1, 1, 1])

@@ -185,7 +185,15 @@ def off(data: dict[str, Any], picture: Image) -> float:
     return worst
 
 
-@pytest.mark.parametrize("scene", FILES, ids=lambda path: path.stem)
+IN_ONE_PLACE = {"one-place", "many-in-one-place"}
+"""Scenes of tests/odd whose surfaces lie in one place: the data do not say which is met first, oneray does."""
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [file for file in FILES if file.parent.name != "odd" or file.stem not in IN_ONE_PLACE],
+    ids=lambda path: path.stem,
+)
 def test_every_scene_is_exported_as_oneray_renders_it(oneray: Path, scene: Path, tmp_path: Path) -> None:
     data = json.loads(export.to_json(export.export(variants.Variant(scene))))
     SCHEMA.validate(data)

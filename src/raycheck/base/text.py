@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import sys
 import unicodedata
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, TextIO
@@ -99,8 +100,12 @@ def signed(value: float) -> str:
 
 
 def one_line(text: str) -> str:
-    """Control characters, and bytes of a file's name that are no text, as escapes."""
-    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]", lambda found: repr(found[0])[1:-1], text)
+    """Control characters, and bytes of a file's name that are no text, as escapes. In a locale of ASCII all
+    other letters of a name are such bytes, and stay as they are.
+    """
+    bytes_of_names = r"\ud800-\udfff" if sys.getfilesystemencoding() == "utf-8" else ""
+    control = rf"[\x00-\x1f\x7f-\x9f\u2028\u2029{bytes_of_names}]"
+    return re.sub(control, lambda found: repr(found[0])[1:-1], text)
 
 
 def last_words(said: str) -> str:
