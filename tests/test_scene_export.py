@@ -186,7 +186,7 @@ def off(data: dict[str, Any], picture: Image) -> float:
 
 
 IN_ONE_PLACE = {"one-place", "many-in-one-place"}
-"""Scenes of tests/odd whose surfaces lie in one place: the data do not say which is met first, oneray does."""
+"""Scenes of tests/odd whose surfaces lie in one place: which is met first is not in the data."""
 
 
 @pytest.mark.parametrize(
