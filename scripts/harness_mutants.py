@@ -291,8 +291,7 @@ PARTS = of("judging/parts.py", ["test_explanations.py", "test_parts.py"], [
     ("says", "sum(map(bool, (self.light, self.length, self.surface)))",
      "sum(map(bool, (self.light, self.length)))", "naming a surface costs nothing"),
     ("several-lengths", "if found and (not index or found not in list(lengths.values())[1:index])",
-     "if found", "the same part of the light under two names counts as two",
-     "both names say as much of one picture, and the first is taken"),
+     "if found", "the same part of the light under two names counts as two"),
     ("family-of-one", "if len(family) > 1", "if len(family) > 2", "two wrong lights are told as one"),
 ])  # fmt: skip
 
