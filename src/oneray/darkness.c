@@ -13,8 +13,10 @@ static Description copy_of(const Description *scene)
     Description copy = *scene;
     copy.shapes = allocate((size_t)copy.shape_count, sizeof *copy.shapes);
     copy.emitters = allocate((size_t)copy.emitter_count + 1, sizeof *copy.emitters);
-    memcpy(copy.shapes, scene->shapes, (size_t)copy.shape_count * sizeof *copy.shapes);
-    memcpy(copy.emitters, scene->emitters, (size_t)copy.emitter_count * sizeof *copy.emitters);
+    for (int i = 0; i < copy.shape_count; i++)
+        copy.shapes[i] = scene->shapes[i];
+    for (int i = 0; i < copy.emitter_count; i++)
+        copy.emitters[i] = scene->emitters[i];
     return copy;
 }
 
