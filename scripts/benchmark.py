@@ -2,6 +2,7 @@
 
     python scripts/benchmark.py [--scene NAME ...] [--rounds 5] [--seconds 0.5] [--core N] [--json FILE]
     python scripts/benchmark.py --growth-only
+    python scripts/benchmark.py --commands-only
     python scripts/benchmark.py --quick
 
 Every round renders each contestant once, in turn, with seeds of its own, so that a machine whose speed drifts
@@ -12,8 +13,9 @@ relative to the squared mean. Stratified and Sobol samples share out a pixel, an
 picture times its samples.
 
 Mitsuba does not count its rays. Where no roulette plays, its paths are taken to have as many as oneray's (≈).
-Scenes are written to build/benchmark/. Ctrl-C keeps what was measured. --scene and --growth-only leave the
-other figures that FILE holds as they are.
+What raycheck's own commands cost before they do anything is in processor seconds, by the median.
+Scenes are written to build/benchmark/. Ctrl-C keeps what was measured. --scene, --growth-only and
+--commands-only leave the other figures that FILE holds as they are.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ import sys
 import time
 from pathlib import Path
 
+from benchmark_commands import measure_commands
 from benchmark_contestants import ROOT, oneray_help
 from benchmark_growth import AXES, grow
 from benchmark_measure import measure_scene
@@ -55,6 +58,7 @@ def arguments_of(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here as well")
     parser.add_argument("--no-growth", action="store_true", help="leave out how cost grows")
     parser.add_argument("--growth-only", action="store_true", help="measure only how cost grows")
+    parser.add_argument("--commands-only", action="store_true", help="measure only raycheck's start-up")
     parser.add_argument("--quick", action="store_true", help="one scene and few points, to see that it works")
     parser.error = lambda message: parser.exit(2, f"benchmark: {message}\n")  # type: ignore[method-assign]
     given = parser.parse_args(words)
@@ -67,8 +71,9 @@ def arguments_of(words: list[str] | None = None) -> argparse.Namespace:
         parser.error("--rounds is at least 2: a variance needs two pictures")
     if not 0 < given.seconds <= 60:
         parser.error("--seconds is above 0 and at most 60")
-    if given.no_growth and given.growth_only:
-        parser.error("--no-growth and --growth-only leave nothing")
+    if given.growth_only and (given.no_growth or given.commands_only):
+        other = "--no-growth" if given.no_growth else "--commands-only"
+        parser.error(f"{other} and --growth-only leave nothing")
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else {0}
     given.core = min(cores) if given.core is None else given.core
     if given.core not in cores:
@@ -127,16 +132,19 @@ def save(path: Path | None, result: dict) -> None:
 
 def chosen(given: argparse.Namespace) -> list[BenchScene]:
     wanted = given.scene or ([QUICK_SCENE] if given.quick else [scene.name for scene in SCENES])
-    return [] if given.growth_only else [scene for scene in SCENES if scene.name in wanted]
+    return [] if given.growth_only or given.commands_only else [scene for scene in SCENES if scene.name in wanted]
 
 
 def kept(given: argparse.Namespace) -> dict | None:
-    """A whole result of this machine in FILE, of which only a part is to be measured again."""
-    if not (given.json and given.json.is_file() and (given.scene or given.growth_only)):
+    """A whole result in FILE, of which only a part is to be measured again: by this machine, but for the
+    commands, which name their own.
+    """
+    part = given.scene or given.growth_only or given.commands_only
+    if not (given.json and given.json.is_file() and part):
         return None
     earlier = speed.read(given.json)
     same = earlier["machine"]["processor"] == processor() and earlier["rounds"] == given.rounds
-    return dict(earlier) if same and earlier["complete"] else None
+    return dict(earlier) if (same or given.commands_only) and earlier["complete"] else None
 
 
 def put(found: list[dict], one: dict, key: str) -> None:
@@ -157,7 +165,11 @@ def run(given: argparse.Namespace, result: dict) -> None:
         sys.stdout.flush()
         if one["interrupted"]:
             raise KeyboardInterrupt
-    for axis in () if given.no_growth else AXES:
+    if not (given.growth_only or given.scene):
+        result["commands"] = {"machine": processor(), "rows": measure_commands(given.rounds)}
+        save(given.json, result)
+        print(speed.commands_line(result))
+    for axis in () if given.no_growth or given.commands_only else AXES:
         if given.quick and axis.name != "spp":
             continue
         one = grow(axis, log, QUICK_POINTS if given.quick else None)

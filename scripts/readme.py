@@ -47,7 +47,8 @@ def _stability(words: Sequence[str]) -> str:
 
 
 def _benchmark(words: Sequence[str]) -> str:
-    return speed.markdown(speed.read(REFERENCES / "benchmark.json"))
+    found = speed.read(REFERENCES / "benchmark.json")
+    return f"{speed.markdown(found)}\n\n{speed.commands_line(found)}"
 
 
 def _size(words: Sequence[str]) -> str:

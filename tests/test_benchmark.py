@@ -255,6 +255,7 @@ def test_curves_are_where_they_belong() -> None:
         (["--core", 4096], "benchmark: there is no core 4096"),
         (["--json", "/no/such/folder/x.json"], "benchmark: /no/such/folder/x.json: no such folder"),
         (["--no-growth", "--growth-only"], "benchmark: --no-growth and --growth-only leave nothing"),
+        (["--commands-only", "--growth-only"], "benchmark: --commands-only and --growth-only leave nothing"),
         (["--fast"], "benchmark: unrecognized arguments: --fast"),
     ],
 )

@@ -1,5 +1,5 @@
-"""What kinds.h promises: a new kind of thing is a file and a line. Two that oneray does not have are added to
-a copy of the sources, and all that asks for a material or a light in general serves them.
+"""What kinds.h promises: a new kind of thing is a file and a line. Three that oneray does not have are added
+to a copy of the sources, and all that asks for a material, a light or a texture in general serves them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ LINES = {
     '    X(ROUGHCONDUCTOR, roughconductor, "rough conductor")':
         ' X(TRANSMITTER, transmitter, "diffuse transmitter")',
     '    X(DIRECTIONAL, directional, "directional light")': ' X(DISKSPOT, diskspot, "disk-shaped spot")',
+    '#define TEXTURES(X) X(CHECKERBOARD, checkerboard, "checkerboard")': ' X(RAMP, ramp, "ramp")',
 }  # fmt: skip
 """Of kinds.h, and what is put behind them."""
 
@@ -32,13 +33,14 @@ SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{", ".join(m
 
 @pytest.fixture(scope="module")
 def renderer(tmp_path_factory: pytest.TempPathFactory) -> Oneray:
-    """Of a oneray that has both kinds."""
+    """Of a oneray that has all of them."""
     folder = tmp_path_factory.mktemp("new-kinds")
     copy = folder / "oneray"
     shutil.copytree(ROOT / "src/oneray", copy / "src/oneray")
     shutil.copy(ROOT / "Makefile", copy)
     shutil.copy(ROOT / "tests/kinds/transmitter.h", copy / "src/oneray/materials")
     shutil.copy(ROOT / "tests/kinds/diskspot.h", copy / "src/oneray/emitters")
+    shutil.copy(ROOT / "tests/kinds/ramp.h", copy / "src/oneray/textures")
     kinds = copy / "src/oneray/kinds.h"
     text = kinds.read_text(encoding="utf-8")
     for line, more in LINES.items():
@@ -71,6 +73,20 @@ def shows(
 def test_a_sheet_under_a_sky_shows_all_that_it_lets_go_on(renderer: Oneray, way: str, z: int) -> None:
     scene = world(sheet(SHEET) + sky(), eye=f"0, 0, {z}", fov=40)
     shows(renderer, scene, way, REFLECTANCE + TRANSMITTANCE)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_sheet_with_a_ramp_is_as_bright_as_the_ramp_is_there(renderer: Oneray, way: str) -> None:
+    """A quarter of the way in its middle, where u is 1/2 and to_uv halves it; a checkerboard is beside it."""
+    ramp = """<rgb name="color0" value="0.2, 0.6, 0.1"/><rgb name="color1" value="0.8, 0.2, 0.1"/>
+        <transform name="to_uv"><scale x="0.5" y="1"/></transform>"""
+    sheets = [
+        f"""<shape type="rectangle"><transform name="to_world"><translate x="{x}"/></transform>
+        <bsdf type="diffuse"><texture name="reflectance" type="{kind}">{says}</texture></bsdf></shape>"""
+        for x, kind, says in ((0, "ramp", ramp), (5, "checkerboard", ""))
+    ]
+    scene = world("".join(sheets) + sky())
+    shows(renderer, scene, way, (0.35, 0.5, 0.1))
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -1,15 +1,12 @@
 """Which explanation of wrong pictures may be said? All of them compete, in one place, by one measure.
 
-Candidates are the conventions (`conventions`), parts of the light that have another factor (`parts`) and the
-catalogued mistakes (`mistakes`). Beside them stand rivals that say nothing: right pictures, a factor for each
-part and channel, a smooth field of factors. So the unknown has a place. The likeliest of K candidates has to
+Who competes is in `candidates`, how likely each is in `fitting`. The likeliest of K candidates has to
 lead by ln(49 K), which makes it 98 % sure if all were equally likely before. It is chosen on the first set of
 images; the second, which had no part in the choice, has to confirm the lead, a strength that is within 10 %
 of what it is by nature, by a 99 % interval, and 98 % of the squared error of each channel of each scene.
 
-What is as likely as the best must be the same picture, a rival that says nothing, too: all of it is said
-together, or nothing; and with it all mistakes that are the same picture, likely or not, since others make
-them a little differently. Of parts that differ two may be said, as either one or the other.
+What is as likely as the best must be the same picture, or nothing is said. All of it is said together, and
+with it all mistakes that are the same picture, likely or not, since others make them a little differently.
 """
 
 import functools
@@ -21,23 +18,16 @@ import numpy as np
 from scipy import special
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import ReferenceError_
-from raycheck.judging import conventions, fitting, mistakes, parts
-from raycheck.judging.conventions import ENCODINGS, FACTOR, WHITE, Convention, Encoding
-from raycheck.judging.fitting import Fits, Stack, stack
+from raycheck.judging import candidates, fitting
+from raycheck.judging.candidates import USUAL, Group, Subject
+from raycheck.judging.conventions import Convention
+from raycheck.judging.fitting import Fits
 from raycheck.judging.looks import Look
 from raycheck.judging.mistakes import Mistake
-from raycheck.judging.parts import Hypothesis, Part
-from raycheck.stats.tiles import grid, region_means
+from raycheck.judging.parts import Hypothesis
 
 CERTAINTY = 0.99
-"""Confidence of the interval of a strength…"""
-USUAL = 0.1
-"""…which may be so far from the strength that an explanation has by nature."""
-LEFT = 0.07
-"""What a mistake may be off relative to the light that it leaves…"""
-LEAST_LEFT = 0.02
-"""…but no less than that of what it does, where it leaves none."""
+"""Confidence of the interval of a strength."""
 SHARE = 0.98
 """Share of the squared error that an explanation has to account for…"""
 SHARE_ERROR = 0.02
@@ -48,19 +38,10 @@ SURELY = 0.98
 """How sure the best must be, if all were equally likely before."""
 REFUTED = 5.0
 """Standard deviations by which χ² may exceed its mean with what is said: what is left then is no noise."""
-SPECIFIC = 3.0
-"""What ℓ has to rise by for each thing more that is said of a part of the light."""
 SHARP = 0.1
 """Half of the interval of a free factor over its size, beyond which it is too little known to be said."""
 LEAK = 0.05
 """What the factor of a part may vary by over the picture: a mistake may change a later bounce the more."""
-SIMILAR = 0.05
-"""What a mistake may be off in a tile, relative to its signature: others make it a little differently."""
-DEGREE = 3
-"""Of the smooth field, in each direction of the image."""
-
-Subject = Convention | Mistake | tuple[Hypothesis, ...] | None
-"""What a candidate says; None says nothing."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +71,6 @@ class Explanation:
     """The part of the light that is wrong, or several of one kind."""
     factors: tuple[Factor, ...] = ()
     """Of the convention or of each part; of one alone three, if each channel has its own."""
-    other: Hypothesis | None = None
-    """Another part that would explain it just as well as the only one."""
     mistakes: tuple[Mistake, ...] = ()
     nearest: tuple[Near, ...] = ()
     """The likeliest three mistakes, whether or not one may be said."""
@@ -101,24 +80,6 @@ class Explanation:
 
 
 NOTHING = Explanation()
-
-
-@dataclass(frozen=True)
-class Group:
-    """Candidates of one shape."""
-
-    subjects: Sequence[Subject]
-    of: Stack
-    prior: Sequence[float] = ()
-    """Taken from ℓ, for what is said; nothing if empty."""
-    usual: float | None = None
-    """The strength by nature."""
-    within: Sequence[float] = ()
-    """How far from it mistakes may be to be just what is seen."""
-    offset: float = 0.0
-    """Of a factor over the strength of its direction."""
-    encoding: Encoding | None = None
-    """The values are decoded first."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +140,7 @@ def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
     """What may be said of pictures of a scene, or of several scenes by one renderer; `without` are mistakes
     that are left out of the catalogue. Parts of the light are told of one scene alone.
     """
-    groups = list(_groups(looks, without))
+    groups = list(candidates.groups(looks, without))
     first, second = _round(looks, groups, 0), _round(looks, groups, 1)
     lead = math.log(SURELY / (1 - SURELY) * len(first))
     nearest = _nearest(looks, second)
@@ -188,18 +149,17 @@ def explain(looks: Sequence[Look], without: Sequence[str] = ()) -> Explanation:
     rest = [s.likelihood for n, s in enumerate(second) if n not in near]
     confirmed = max(second[n].likelihood for n in near) > max(rest, default=-math.inf) + lead
     same = [second[n] for n in near if _same(looks, best, first[n])]
-    others = [second[n] for n in near if not _same(looks, best, first[n])]
-    if not confirmed or any(s.subject is None for s in others):
+    if not confirmed or len(same) < len(near):
         return Explanation(nearest=nearest)
     alike = [
         second[n] for n, s in enumerate(first) if isinstance(s.subject, Mistake) and _same(looks, best, s)
     ]
-    found = [s for s in (*same, *alike) if s.sharp() and s.fits_well() and _accounts(looks, s)]
+    sayable = [s for s in (*same, *alike) if s.subject is not None]
+    found = [s for s in sayable if s.sharp() and s.fits_well() and _accounts(looks, s)]
     exact = [s for s in found if s.just_that()]
     if all(isinstance(s.subject, Mistake) for s in found) and exact:
         exact = found  # what no picture here tells from the one that it is, is said with it
-    said = _said(exact, others)
-    return replace(said, nearest=nearest)
+    return replace(_said(exact), nearest=nearest)
 
 
 def _nearest(looks: Sequence[Look], standings: Sequence[Standing]) -> tuple[Near, ...]:
@@ -257,28 +217,17 @@ def _windows(looks: Sequence[Look]) -> Iterator[tuple[Look, slice]]:
         start += count
 
 
-def _said(same: list[Standing], others: list[Standing]) -> Explanation:
-    """Of what is the same picture a convention, or the part that says least, and all mistakes; `others` are
-    as likely and other pictures.
-    """
+def _said(same: list[Standing]) -> Explanation:
+    """Of what is the same picture a convention, or the part that says least, and all mistakes."""
     named = tuple(dict.fromkeys(s.subject for s in same if isinstance(s.subject, Mistake)))
     whole = [(s.subject, s) for s in same if isinstance(s.subject, Convention)]
     of_parts = [(s.subject, s) for s in same if isinstance(s.subject, tuple)]
-    differing = {s.subject for s in others}
-    if whole and not others:
+    if whole:
         return Explanation(whole[0][0], factors=whole[0][1].factors(), mistakes=named)
     if not of_parts:
-        return Explanation(mistakes=named) if not others else NOTHING
+        return Explanation(mistakes=named)
     subject, standing = min(of_parts, key=lambda p: (len(p[1].factors()), sum(h.says for h in p[0])))
-    if not others:
-        return Explanation(parts=subject, factors=standing.factors(), mistakes=named)
-    [other] = differing if len(differing) == 1 else [None]
-    if len(subject) == 1 and isinstance(other, tuple) and len(other) == 1:
-        return Explanation(parts=subject, factors=standing.factors(), other=other[0])
-    return NOTHING
-
-
-# ---- who competes ----
+    return Explanation(parts=subject, factors=standing.factors(), mistakes=named)
 
 
 def _round(looks: Sequence[Look], groups: Sequence[Group], number: int) -> list[Standing]:
@@ -295,124 +244,20 @@ def _round(looks: Sequence[Look], groups: Sequence[Group], number: int) -> list[
         for index, subject in enumerate(group.subjects):
             likelihood = float(fits.likelihood[index]) + shift - (group.prior[index] if group.prior else 0.0)
             found.append(Standing(subject, likelihood, group, index, fits))
-    return found + ([_unknown(looks, number, found[0])] if len(looks) > 1 else [])
+    return found + ([_unknown(looks, number)] if len(looks) > 1 else [])
 
 
-def _unknown(looks: Sequence[Look], number: int, like: Standing) -> Standing:
+def _unknown(looks: Sequence[Look], number: int) -> Standing:
     """In each of several scenes whatever explains that scene best: parts of the light, or nothing sayable."""
-    best = sum(_best_alone(look, number) for look in looks)
-    return Standing(None, best, like.group, like.index, like.fits)
+    alone = [_best_alone(look, number) for look in looks]
+    whole = np.concatenate([one.explained for one in alone])[None]
+    nothing = np.zeros((1, 0))
+    fits = Fits(nothing, nothing, np.zeros(1), whole, np.zeros(1))
+    return Standing(None, sum(one.likelihood for one in alone), alone[0].group, 0, fits)
 
 
 @functools.lru_cache(maxsize=1024)
-def _best_alone(look: Look, number: int) -> float:
-    """ℓ of whatever explains one scene best."""
-    return max(s.likelihood for s in _round([look], [_right([look]), *_of_one_scene(look)], number))
-
-
-def _groups(looks: Sequence[Look], without: Sequence[str]) -> Iterator[Group]:
-    yield _right(looks)
-    yield from _conventions(looks)
-    yield from _mistakes(looks, without)
-    if len(looks) == 1:
-        yield from _of_one_scene(looks[0])
-
-
-def _right(looks: Sequence[Look]) -> Group:
-    tiles = sum(len(look.sets[0].error) for look in looks)
-    return Group([None], stack(np.zeros((1, 0, tiles, 3))))
-
-
-def _conventions(looks: Sequence[Look]) -> Iterator[Group]:
-    by_look = [dict(conventions.pictures(look.truth.mean)) for look in looks]
-    tiles = [grid(*look.truth.shape) for look in looks]
-    common = [c for c in by_look[0] if all(c in others for others in by_look)]
-    truth = np.concatenate([region_means(look.truth.mean, t) for look, t in zip(looks, tiles, strict=True)])
-    shown = {
-        c: np.concatenate([region_means(of[c], t) for of, t in zip(by_look, tiles, strict=True)])
-        for c in common
-    }
-    changed = np.stack([shown[c] - truth for c in common])
-    yield Group(common, stack(changed[:, None], low=1 - USUAL, high=1 + USUAL), usual=1.0)
-    turned = [c for c in common if c.words in conventions.TURNS]
-    scaled = [FACTOR, *(Convention(c.words, factors=1) for c in turned)]
-    directions = np.stack([truth, *(shown[c] for c in turned)])[:, None]
-    base = np.broadcast_to(-truth, (len(scaled), *truth.shape))
-    yield Group(scaled, stack(directions, base=base, low=0.0))
-    yield Group([WHITE], stack(_by_channel(truth[None]), base=-truth[None], low=0.0))
-    for encoding in ENCODINGS:
-        if all(encoding in look.decoded for look in looks):
-            yield Group([encoding.convention], stack(np.zeros((1, 0, *truth.shape))), encoding=encoding)
-
-
-def _mistakes(looks: Sequence[Look], without: Sequence[str]) -> Iterator[Group]:
-    """None where nothing is known of a scene."""
-    try:
-        found = list(mistakes.signatures_in([look.scene for look in looks]))
-    except ReferenceError_:
-        return
-    known = [one for one in found if one.of.name not in without]
-    if known:
-        errors, variance = (
-            np.stack(x)[:, None] for x in ([s.error for s in known], [s.variance for s in known])
-        )
-        of = stack(errors, variance, low=1 - USUAL, high=1 + USUAL, inexact=SIMILAR)
-        yield Group([one.of for one in known], of, usual=1.0, within=_within(looks, errors[:, 0]))
-
-
-def _within(looks: Sequence[Look], errors: Array) -> list[float]:
-    """How far from 1 the strength of mistakes (M, T, 3) may be: by USUAL of what they do, and by LEFT of the
-    light that they leave. A quarter of a light is not an eighth of it.
-    """
-    of_tiles = [region_means(look.truth.mean, grid(*look.truth.shape)) for look in looks]
-    truth, scale = np.concatenate(of_tiles), np.concatenate([look.sets[0].scale for look in looks])
-    there = (errors / scale) ** 2
-    left = np.minimum(((truth + errors) / scale) ** 2, (USUAL / LEFT) ** 2 * there)
-    share = np.sqrt(left.sum(axis=(1, 2)) / np.maximum(there.sum(axis=(1, 2)), 1e-300))
-    return [max(LEFT * one, LEAST_LEFT) for one in share.tolist()]
-
-
-def _of_one_scene(look: Look) -> Iterator[Group]:
-    """Parts of the light with another factor, for all channels or for each, and families of parts; then the
-    rivals that say nothing.
-    """
-    truth = region_means(look.truth.mean, grid(*look.truth.shape))
-    of = parts.load(look.scene)
-    if of is not None and of.image.shape[3] == len(truth):
-        found = [part for part in parts.hypotheses(of) if part.of.says]
-        names = [(part.of,) for part in found]
-        prior = [SPECIFIC * part.of.says for part in found]
-        images, variance = _templates(found)
-        yield Group(names, _free(images[:, None], variance[:, None]), prior, offset=1.0)
-        yield Group(names, _free(_by_channel(images), _by_channel(variance)), prior, offset=1.0)
-        for family in parts.families(of, found):
-            images, variance = _templates(family)
-            yield Group([tuple(p.of for p in family)], _free(images[None], variance[None]), offset=1.0)
-            yield Group([None], _free(*(np.concatenate(_by_channel(x))[None] for x in (images, variance))))
-    yield Group([None], stack(_smooth(look, truth)[None]))
-
-
-def _templates(found: Sequence[Part]) -> tuple[Array, Array]:
-    """(M, T, 3) each."""
-    return np.stack([part.image for part in found]), np.stack([part.variance for part in found])
-
-
-def _free(images: Array, variance: Array) -> Stack:
-    """Parts with any factor, down to none."""
-    return stack(images, variance, low=-1.0, inexact=parts.INEXACT)
-
-
-def _by_channel(images: Array) -> Array:
-    """(M, 3, T, 3) of (M, T, 3): each channel alone."""
-    return np.asarray(np.einsum("mti,ki->mkti", images, np.eye(3)))
-
-
-def _smooth(look: Look, truth: Array) -> Array:
-    """(k, T, 3) the picture times each polynomial of the place, in each channel."""
-    height, width = look.truth.shape
-    tiles = grid(height, width)
-    y = np.array([2 * (t.row + t.height / 2) / height - 1 for t in tiles])
-    x = np.array([2 * (t.column + t.width / 2) / width - 1 for t in tiles])
-    terms = [x**i * y**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)]
-    fields = np.stack([term[:, None] * truth for term in terms])
-    return np.concatenate(_by_channel(fields), axis=0)
+def _best_alone(look: Look, number: int) -> Standing:
+    """What explains one scene best."""
+    of_one = [candidates.right([look]), *candidates.of_one_scene(look)]
+    return max(_round([look], of_one, number), key=lambda s: s.likelihood)

@@ -73,11 +73,11 @@ def explanation(found: Explanation, lights: int = 1) -> str:
         return ""
     if len(found.factors) > len(found.parts):
         sizes = [f"{_size(f)} in {channel}" for f, channel in zip(found.factors, CHANNELS, strict=True)]
-        told = [f"{_parts_name(found.parts[0], found.other)} is {', '.join(sizes)}"]
+        told = [f"{part(found.parts[0])} is {', '.join(sizes)}"]
     else:
         off = [(p, f) for p, f in zip(found.parts, found.factors, strict=True) if not f.low <= 1 <= f.high]
         off.sort(key=lambda pair: -abs(pair[1].value - 1))
-        told = [f"{_parts_name(p, found.other)} is {_size(f)}" for p, f in off[:LISTED]]
+        told = [f"{part(p)} is {_size(f)}" for p, f in off[:LISTED]]
         more = len(off) - LISTED
         if more > 0:
             kind = (
@@ -85,10 +85,6 @@ def explanation(found: Explanation, lights: int = 1) -> str:
             )
             told.append(f"{more} more of the {kind} are off too")
     return "; ".join([*told, "everything else agrees"])
-
-
-def _parts_name(of: Hypothesis, other: Hypothesis | None) -> str:
-    return f"either {part(of)} or {part(other)}, which look alike here," if other else part(of)
 
 
 MISSING = 0.05

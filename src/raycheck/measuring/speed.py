@@ -108,6 +108,17 @@ def startup_lines(scene: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def commands_line(found: Mapping[str, Any]) -> str:
+    """What raycheck's commands cost before they do anything."""
+    seconds = {one["words"]: one["seconds"]["median"] for one in found["commands"]["rows"]}
+    slowest = max(seconds, key=seconds.__getitem__)
+    return (
+        f"Before it does anything raycheck takes {number(seconds['--version'])} s of a core to say its version, "
+        f"{number(seconds['--help'])} s its help, and at most {number(seconds[slowest])} s (`{slowest}`) the help "
+        f"of a command, or that arguments are wrong ({found['commands']['machine']})."
+    )
+
+
 def exponent_text(curve: Mapping[str, Any]) -> str:
     """The exponent with its standard error."""
     fit = curve["exponent"]

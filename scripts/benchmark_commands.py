@@ -1,0 +1,32 @@
+"""What raycheck's commands cost before they do anything: to say their version, their help, or what is wrong."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+
+from benchmark_measure import spread
+
+from raycheck.commands.app import COMMANDS
+
+WORDS = (
+    ("--version",), ("--help",), *((command, "--help") for command in COMMANDS),
+    ("verify", "nowhere"), ("verify", "point-light", "--technique", "nowhere"), ("grade",), ("nowhere",),
+)  # fmt: skip
+
+
+def measure_commands(rounds: int) -> list[dict]:
+    """The processor seconds of each, of the process and what it starts, over the rounds."""
+    seconds: dict[tuple[str, ...], list[float]] = {words: [] for words in WORDS}
+    for _ in range(rounds):
+        for words, found in seconds.items():
+            before = _spent()
+            subprocess.run([sys.executable, "-m", "raycheck", *words], capture_output=True, check=False)
+            found.append(_spent() - before)
+    return [{"words": " ".join(words), "seconds": spread(found)} for words, found in seconds.items()]
+
+
+def _spent() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
