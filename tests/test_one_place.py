@@ -100,7 +100,7 @@ def test_a_mesh_that_is_there_twice_is_one(oneray: Path, tmp_path: Path, precisi
 
 
 def test_faces_that_are_there_thousands_of_times_are_one(oneray: Path, tmp_path: Path) -> None:
-    """All pairs of them are more than is looked at: what is the same is found all the same, a line says so."""
+    """All pairs of them are more than is looked at: equal ones are found all the same, and a line says so."""
     faces = "f 1 2 3\nf 1 3 4\n"
     once = write_mesh(tmp_path / "once.obj", faces).format(diffuse(0.5))
     often = write_mesh(tmp_path / "often.obj", 5000 * faces).format(diffuse(0.5))
