@@ -99,6 +99,19 @@ def test_a_mesh_that_is_there_twice_is_one(oneray: Path, tmp_path: Path, precisi
     np.testing.assert_allclose(both.pixels, alone.pixels, rtol=1e-4, atol=1e-6)
 
 
+def test_faces_that_are_there_thousands_of_times_are_one(oneray: Path, tmp_path: Path) -> None:
+    """All pairs of them are more than is looked at: equal ones are found all the same, and a line says so."""
+    faces = "f 1 2 3\nf 1 3 4\n"
+    once = write_mesh(tmp_path / "once.obj", faces).format(diffuse(0.5))
+    often = write_mesh(tmp_path / "often.obj", 5000 * faces).format(diffuse(0.5))
+    scene = [world(mesh + sky(), eye="0, 0, 4", fov=30) for mesh in (once, often)]
+    alone = rendered(oneray, tmp_path, scene[0], "--spp", 64)
+    done = run(oneray, tmp_path, scene[1], "--spp", 64, "--stats", "-")
+    np.testing.assert_allclose(load_image(tmp_path / "out.exr").pixels, alone.pixels, rtol=1e-4, atol=1e-6)
+    assert "close to thousands of others each" in json.loads(done.stdout)["precision_chosen_for"]
+    assert done.stderr.count("\n") == 1 and "may not have been noticed" in done.stderr
+
+
 @pytest.mark.parametrize("kind", ["sphere", "cube"])
 @pytest.mark.parametrize("bsdf", [diffuse(0.5), GLASS], ids=["grey", "glass"])
 def test_a_solid_that_is_there_twice_is_one(oneray: Path, tmp_path: Path, kind: str, bsdf: str) -> None:

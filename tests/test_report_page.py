@@ -104,7 +104,7 @@ def main(page: Page, kind: str = "samples") -> Locator:
 
 
 def test_the_command_names_who_is_wrong_and_who_cannot_run(made: tuple[Path, str], page: Page) -> None:
-    assert re.search(r"furnace, direct only: bias: .*too dark", made[1])
+    assert re.search("furnace, direct only: bias: the indirect light is missing", made[1])
     assert page.locator("#error .FAIL", has_text="bias").count() == 1
     assert "direct only" in page.locator("#error li").inner_text()
     broken = page.locator(".curves tr", has_text="broken").first

@@ -34,12 +34,12 @@ def of(file: str, rows: Sequence[Sequence[str]]) -> Iterator[Change]:
 
 EVAL = "return light_scale(part->reflectance, REAL_INV_PI);"
 UNIFORM = "light_scale(reflectance, real(2) * cosine)"
-ROW = "albedo[c] += parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance[c];"
+ROW = "albedo[c] += parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance.most[c];"
 
 
 def each(value: str) -> str:
     """A diffuse reflectance r, channel by channel."""
-    return f"{{ const double *r = d->materials[parts[i].material].as.diffuse.reflectance; albedo[c] += parts[i].share * ({value}); }}"
+    return f"{{ const double *r = d->materials[parts[i].material].as.diffuse.reflectance.most; albedo[c] += parts[i].share * ({value}); }}"
 
 
 DIFFUSE = of("materials/diffuse.h", [
@@ -148,8 +148,8 @@ PREPARE_MATERIALS = of("prepare/materials.h", [
      "direct x 1.25 (cut at 1)"),
     ("back-as-front", "row % 2 ? d->shapes[i].back : d->shapes[i].front, row % 2);", "d->shapes[i].front, row % 2);",
      "light-below-horizon nee", "one-sided surfaces reflect on both sides", "backs not black"),
-    ("blend-share-lost", "parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance[c]",
-     "d->materials[parts[i].material].as.diffuse.reflectance[c]", "mixed-material nee",
+    ("blend-share-lost", "parts[i].share * d->materials[parts[i].material].as.diffuse.reflectance.most[c]",
+     "d->materials[parts[i].material].as.diffuse.reflectance.most[c]", "mixed-material nee",
      "the diffuse part of a blend counts in full", "the diffuse part x 2"),
 ])  # fmt: skip
 

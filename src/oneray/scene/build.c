@@ -72,8 +72,10 @@ static int read_texture(Builder *builder, Node *node);
 static void load_textures(Builder *builder, void *to, const Said *said)
 {
     for (const Field *field = said->fields; field->name; field++) {
+        if (field->kind != AS_REFLECTANCE)
+            continue;
         Reflectance *reflectance = (Reflectance *)(void *)((char *)to + field->offset);
-        if (field->kind != AS_REFLECTANCE || !reflectance->element)
+        if (!reflectance->element)
             continue;
         reflectance->texture = read_texture(builder, meant_by(builder, reflectance->element, "texture"));
         TextureTraits traits = texture_traits(&builder->description->textures[reflectance->texture - 1]);

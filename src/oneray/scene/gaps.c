@@ -11,16 +11,6 @@
 #define PARALLEL 0.999
 #define WIDE 40
 
-static const Shape *shape_of_triangle(const Description *d, int t)
-{
-    const Shape *shape = NULL;
-    for (int i = 0; i < d->shape_count; i++)
-        if (d->shapes[i].kind == SHAPE_MESH && d->shapes[i].as.mesh.first_triangle <= t
-            && t < d->shapes[i].as.mesh.first_triangle + d->shapes[i].as.mesh.triangle_count)
-            shape = &d->shapes[i];
-    return shape;
-}
-
 /* Cuts off what of a polygon is nearer than `inset` to the outer side of the face's edge, or beyond. */
 static int cut(const Facet *face, int edge, double inset, double p[][3], int count)
 {
@@ -71,6 +61,8 @@ typedef struct {
     const Description *d;
     Gap *gap;
     double rounding; /* of doubles: what is closer is in one place */
+    int64_t patience;
+    int32_t *shape;  /* by triangle: the index of its shape */
     TreeBox all;     /* around shapes, camera and lights */
     bool far_light;
 } Search;
@@ -241,7 +233,11 @@ static bool use_if_close(void *query, int t)
     return may_hold(q, &box) && q->use(q->to, t);
 }
 
-static bool ask(Query *q) { return mesh_tree_visit(&q->d->mesh_tree, q, may_hold, q, use_if_close); }
+/* Yes, as well, where it ends early: then nobody knows. */
+static bool ask(Query *q, int64_t *patience)
+{
+    return mesh_tree_visit(&q->d->mesh_tree, patience, q, may_hold, q, use_if_close) || *patience < 0;
+}
 
 typedef struct {
     Search *search;
@@ -260,16 +256,16 @@ static bool face_meets(void *to, int t)
         || !distance_between(q->face, &other, q->search->gap->touch, &least, &most))
         return false;
     const Shape *all = q->search->d->shapes;
-    other.shape = (int)(shape_of_triangle(q->search->d, t) - all);
+    other.shape = q->search->shape[t];
     if (q->triangle >= 0)
-        q->face->shape = (int)(shape_of_triangle(q->search->d, q->triangle) - all);
+        q->face->shape = q->search->shape[q->triangle];
     return narrow_faces(q->search, q->face, &other) && found(q->search, &all[q->face->shape], &all[other.shape]);
 }
 
 static bool face_near_triangles(Search *s, Facet *face, int triangle)
 {
     FaceQuery to = {s, face, triangle};
-    return ask(&(Query){s->d, box_around(face, 0), face, s->gap->limit, &to, face_meets});
+    return ask(&(Query){s->d, box_around(face, 0), face, s->gap->limit, &to, face_meets}, &s->patience);
 }
 
 /* ---- Spheres. */
@@ -317,14 +313,14 @@ static bool ball_meets(void *to, int t)
     if (least < limit && most < WIDE * limit)
         q->area += norm(across) / 2;
     bool shell = q->area > 3 * (2 * PI * ball->radius * limit);
-    return (shines || shell) && found(q->search, q->ball, shape_of_triangle(q->search->d, t));
+    return (shines || shell) && found(q->search, q->ball, &q->search->d->shapes[q->search->shape[t]]);
 }
 
 static bool ball_near_triangles(Search *s, const Shape *ball)
 {
     BallQuery to = {s, ball, 0};
     Extent e = shape_extent(ball);
-    return ask(&(Query){s->d, box_of(&e), NULL, 8 * s->gap->limit, &to, ball_meets});
+    return ask(&(Query){s->d, box_of(&e), NULL, 8 * s->gap->limit, &to, ball_meets}, &s->patience);
 }
 
 /* Two spheres, one that shines near the other's surface, or one just within the other. */
@@ -469,7 +465,7 @@ static bool narrow_between_triangles(Search *s)
 
 bool find_narrow_gap(const Description *d, Gap *gap)
 {
-    Search s = {.d = d, .gap = gap};
+    Search s = {.d = d, .gap = gap, .patience = mesh_tree_patience(&d->mesh_tree)};
     SensorTraits sensor = sensor_traits(&d->sensor);
     scene_bounds(d, s.all.low, s.all.high);
     for (int i = -1; i < d->emitter_count; i++) {
@@ -486,7 +482,13 @@ bool find_narrow_gap(const Description *d, Gap *gap)
         }
     }
     s.rounding = 32 * DBL_EPSILON * fmax(extent_of(s.all.low), extent_of(s.all.high));
-    return narrow_between_shapes(&s) || narrow_between_triangles(&s);
+    s.shape = allocate((size_t)d->mesh.triangle_count, sizeof *s.shape);
+    for (int i = 0; i < d->shape_count; i++)
+        for (int k = 0; d->shapes[i].kind == SHAPE_MESH && k < d->shapes[i].as.mesh.triangle_count; k++)
+            s.shape[d->shapes[i].as.mesh.first_triangle + k] = i;
+    bool close = narrow_between_shapes(&s) || narrow_between_triangles(&s);
+    free(s.shape);
+    return close;
 }
 
 /* ---- Points. */
@@ -516,8 +518,10 @@ bool near_triangles(const Description *d, const double p[3], double limit, doubl
 {
     PointQuery to = {d, p, limit, -1};
     Query query = {d, {{p[0], p[1], p[2]}, {p[0], p[1], p[2]}}, NULL, reach, &to, point_meets};
-    bool close = ask(&query);
-    if (close)
-        *line = shape_of_triangle(d, to.triangle)->line;
+    int64_t patience = INT64_MAX;
+    bool close = ask(&query, &patience);
+    for (int i = 0; i < d->shape_count && close; i++)
+        if (d->shapes[i].kind == SHAPE_MESH && d->shapes[i].as.mesh.first_triangle <= to.triangle)
+            *line = d->shapes[i].line;
     return close;
 }

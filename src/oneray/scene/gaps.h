@@ -6,7 +6,8 @@
 typedef struct {
     double limit; /* a gap below this is narrow, unless it is none: */
     double touch; /* surfaces within this are in one place, where it does not matter which of them a ray meets */
-    int one, other; /* gets the lines of two shapes with a narrow gap between them, the lower first */
+    int one, other; /* gets the lines of two shapes with a narrow gap between them, the lower first; 0: triangles are
+                       close to so many others that the search ended early */
 } Gap;
 
 /* Is there one? Of meshes with more than GAP_SAMPLES triangles so many are looked at, spread evenly over what the

@@ -45,6 +45,7 @@ static bool mesh_shows_front(const Description *d, const MeshShape *mesh, const 
 {
     enum { STEP = 7919, LOOKS = 64 };
     int count = mesh->triangle_count, step = count % STEP ? STEP : 1;
+    int64_t patience = INT64_MAX;
     for (int64_t k = 0, looks = 0; k < count && looks < LOOKS; k++) {
         int one = (int)(k * step % count);
         Side side = mesh_side(mesh, one);
@@ -54,7 +55,7 @@ static bool mesh_shows_front(const Description *d, const MeshShape *mesh, const 
             continue;
         memcpy(way.o, p, sizeof way.o);
         looks++;
-        if (!mesh_tree_visit(&d->mesh_tree, &way, may_block, &way, blocks))
+        if (!mesh_tree_visit(&d->mesh_tree, &patience, &way, may_block, &way, blocks))
             return true;
     }
     return false;

@@ -172,7 +172,10 @@ static bool odd_height(const Description *d, double reach, double limit, Reason 
 static bool odd_gap(const Description *d, double reach, double limit, Reason reason)
 {
     Gap gap = {.limit = limit, .touch = TOUCH * reach};
-    return find_narrow_gap(d, &gap) && because(reason, "a gap between the shapes of lines %d and %d", gap.one, gap.other);
+    if (!find_narrow_gap(d, &gap))
+        return false;
+    return gap.one ? because(reason, "a gap between the shapes of lines %d and %d", gap.one, gap.other)
+                   : because(reason, "triangles that are close to thousands of others each");
 }
 
 static bool odd_reach(const Description *d, double reach, double extent, Reason reason)

@@ -45,6 +45,7 @@ typedef struct {
     Body *bodies;
     Triangle *triangles;
     double slack; /* no two triangles in one place are farther apart */
+    int64_t patience;
     int *first; /* by shape: its first side among all */
     int32_t *parent; /* by side: another of its stack, or itself */
     int side_count;
@@ -351,7 +352,7 @@ static void test_items(Finder *finder, Item *items, int count)
                 Facet f = facet_of(finder->d, items[k].shape, items[k].side);
                 test_pair(finder, &q.facet, &f);
             }
-        mesh_tree_visit(&finder->d->mesh_tree, &q, may_touch, &q, test_triangle);
+        mesh_tree_visit(&finder->d->mesh_tree, &finder->patience, &q, may_touch, &q, test_triangle);
     }
 }
 
@@ -364,6 +365,39 @@ static void set_triangles(Finder *finder, int shape)
         unit(finder->triangles[t].normal, finder->triangles[t].normal);
         finder->triangles[t].shape = shape;
     }
+}
+
+/* A triangle, and a number for its corners in any order. */
+typedef struct {
+    uint64_t mark;
+    int triangle;
+} Mark;
+
+static int by_mark(const void *a, const void *b)
+{
+    const Mark *p = a, *q = b;
+    int order = COMPARE(p->mark, q->mark);
+    return order ? order : COMPARE(p->triangle, q->triangle);
+}
+
+/* Where there are too many pairs: at least the triangles that are the same. */
+static void test_equal_triangles(Finder *finder)
+{
+    const Mesh *mesh = &finder->d->mesh;
+    Mark *marks = allocate((size_t)mesh->triangle_count, sizeof *marks);
+    for (int t = 0; t < mesh->triangle_count; t++) {
+        marks[t].triangle = t;
+        for (int c = 0; c < 3; c++)
+            marks[t].mark += mark_of(mesh->vertex[mesh->triangle[t][c]]);
+    }
+    qsort(marks, (size_t)mesh->triangle_count, sizeof *marks, by_mark);
+    for (int i = 1; i < mesh->triangle_count; i++)
+        if (marks[i].mark == marks[i - 1].mark)
+            test_triangles(finder, marks[i - 1].triangle, marks[i].triangle);
+    free(marks);
+    warn("%s: triangles lie close to thousands of others each: of those that overlap in one place, some that are not "
+         "equal may not have been noticed",
+        finder->file);
 }
 
 /* All pairs of sides that may be in one place. */
@@ -385,9 +419,12 @@ static void search(Finder *finder)
             }
     double reach = fmax(extent_of(finder->eye), fmax(extent_of(tree->all.low), extent_of(tree->all.high)));
     finder->slack = 8 * finder->rounding * reach;
+    finder->patience = mesh_tree_patience(tree);
     test_items(finder, items, count);
     if (d->mesh.triangle_count)
-        mesh_tree_pairs(tree, &d->mesh, finder->slack, finder, test_triangles);
+        mesh_tree_pairs(tree, &finder->patience, &d->mesh, finder->slack, finder, test_triangles);
+    if (finder->patience < 0)
+        test_equal_triangles(finder);
     free(items);
     free(finder->triangles);
 }

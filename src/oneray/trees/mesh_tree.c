@@ -5,6 +5,8 @@
 #include <float.h>
 #include <stdlib.h>
 
+enum { USE = 32 }; /* what a triangle or a pair of them costs, in boxes */
+
 static TreeBox box_empty(void)
 {
     return (TreeBox){{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
@@ -60,6 +62,7 @@ MeshTree mesh_tree_build(const Mesh *mesh)
         TreeBox box = mesh_box(mesh, t);
         items[t] = item_of(&box, &tree.all, t);
     }
+    tree.count = count;
     tree.bvh = bvh_build(items, count, LEAF_TRIANGLES);
     tree.triangle = allocate((size_t)count, sizeof *tree.triangle);
     for (int i = 0; i < count; i++)
@@ -78,21 +81,24 @@ MeshTree mesh_tree_build(const Mesh *mesh)
     return tree;
 }
 
-bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(const void *, const TreeBox *),
-    void *to, bool (*use)(void *to, int triangle))
+bool mesh_tree_visit(const MeshTree *tree, int64_t *patience, const void *query,
+    bool (*enters)(const void *, const TreeBox *), void *to, bool (*use)(void *to, int triangle))
 {
     int32_t pending[BVH_DEPTH * BVH_WIDTH] = {0};
-    for (int count = tree->bvh.node_count > 0; count > 0;) {
+    for (int count = tree->bvh.node_count > 0; count > 0 && *patience >= 0;) {
         int32_t next = pending[--count];
+        *patience -= BVH_WIDTH;
         for (int k = 0; next >= 0 && k < BVH_WIDTH; k++) {
             int32_t child = tree->bvh.nodes[next].child[k];
             if (child != -1 && enters(query, child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child]))
                 pending[count++] = child;
         }
         const int32_t *leaf = next < 0 ? tree->bvh.leaves[-2 - next] : NULL;
-        for (int i = 0; leaf && i < leaf[1]; i++)
+        for (int i = 0; leaf && i < leaf[1]; i++) {
+            *patience -= USE;
             if (use(to, tree->triangle[leaf[0] + i]))
                 return true;
+        }
     }
     return false;
 }
@@ -101,6 +107,7 @@ typedef struct {
     const MeshTree *tree;
     const TreeBox *box; /* of the triangles, in the order of the leaves */
     double slack;
+    int64_t *patience;
     void *to;
     bool (*use)(void *to, int one, int other);
 } Join;
@@ -110,6 +117,7 @@ static bool join_leaves(const Join *j, int one, int other)
 {
     const int32_t *a = j->tree->bvh.leaves[one], *b = j->tree->bvh.leaves[other];
     int close[LEAF_TRIANGLES], count = 0;
+    *j->patience -= LEAF_TRIANGLES;
     for (int k = b[0]; k < b[0] + b[1]; k++)
         if (!boxes_apart(&j->box[k], &j->tree->leaf[one], j->slack))
             close[count++] = k;
@@ -117,9 +125,11 @@ static bool join_leaves(const Join *j, int one, int other)
         if (boxes_apart(&j->box[i], &j->tree->leaf[other], j->slack))
             continue;
         for (int k = 0; k < count && (one != other || close[k] < i); k++)
-            if (!boxes_apart(&j->box[i], &j->box[close[k]], j->slack)
-                && j->use(j->to, j->tree->triangle[i], j->tree->triangle[close[k]]))
-                return true;
+            if (!boxes_apart(&j->box[i], &j->box[close[k]], j->slack)) {
+                *j->patience -= USE;
+                if (j->use(j->to, j->tree->triangle[i], j->tree->triangle[close[k]]))
+                    return true;
+            }
     }
     return false;
 }
@@ -129,8 +139,9 @@ static bool join_leaf(const Join *j, int leaf)
 {
     const MeshTree *tree = j->tree;
     int32_t pending[BVH_DEPTH * BVH_WIDTH] = {0};
-    for (int count = 1; count > 0;) {
+    for (int count = 1; count > 0 && *j->patience >= 0;) {
         int32_t node = pending[--count];
+        *j->patience -= BVH_WIDTH;
         for (int k = 0; k < BVH_WIDTH; k++) {
             int32_t child = tree->bvh.nodes[node].child[k], other = -2 - child;
             if (child == -1 || other > leaf)
@@ -146,15 +157,15 @@ static bool join_leaf(const Join *j, int leaf)
     return false;
 }
 
-bool mesh_tree_pairs(
-    const MeshTree *tree, const Mesh *mesh, double slack, void *to, bool (*use)(void *to, int one, int other))
+bool mesh_tree_pairs(const MeshTree *tree, int64_t *patience, const Mesh *mesh, double slack, void *to,
+    bool (*use)(void *to, int one, int other))
 {
     bool found = false;
     TreeBox *box = allocate((size_t)mesh->triangle_count, sizeof *box);
     for (int i = 0; i < mesh->triangle_count; i++)
         box[i] = mesh_box(mesh, tree->triangle[i]);
-    Join join = {tree, box, slack, to, use};
-    for (int leaf = 0; leaf < tree->bvh.leaf_count && !found; leaf++)
+    Join join = {tree, box, slack, patience, to, use};
+    for (int leaf = 0; leaf < tree->bvh.leaf_count && !found && *patience >= 0; leaf++)
         found = join_leaf(&join, leaf);
     free(box);
     return found;

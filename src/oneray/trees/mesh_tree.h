@@ -35,6 +35,7 @@ static inline bool boxes_apart(const TreeBox *a, const TreeBox *b, double by)
 typedef struct {
     Bvh bvh;
     int32_t *triangle; /* in the order of the leaves */
+    int count;         /* of triangles */
     TreeBox *node, *leaf, all; /* around what is in each */
 } MeshTree;
 
@@ -42,10 +43,15 @@ enum { LEAF_TRIANGLES = 8 };
 
 /* Empty for a mesh without triangles. */
 MeshTree mesh_tree_build(const Mesh *mesh);
-/* Goes down into the boxes that `enters`, until `use` of a triangle in one of them returns true; did it? */
-bool mesh_tree_visit(const MeshTree *tree, const void *query, bool (*enters)(const void *, const TreeBox *),
-    void *to, bool (*use)(void *to, int triangle));
+/* What a search may spend, in boxes that are compared: enough where triangles meet a hundred others each. Where all meet
+   all, as in a fan of thousands, it ends early, so that its time goes with the triangles and not with their square. */
+static inline int64_t mesh_tree_patience(const MeshTree *tree) { return (1 << 24) + 2048 * (int64_t)tree->count; }
+
+/* Goes down into the boxes that `enters`, until `use` of a triangle in one of them returns true; did it? It takes from
+   `patience`, and ends where that is below 0. */
+bool mesh_tree_visit(const MeshTree *tree, int64_t *patience, const void *query,
+    bool (*enters)(const void *, const TreeBox *), void *to, bool (*use)(void *to, int triangle));
 /* The same with pairs of triangles whose boxes are no farther than `slack` apart along each axis, each pair once. */
-bool mesh_tree_pairs(const MeshTree *tree, const Mesh *mesh, double slack, void *to,
+bool mesh_tree_pairs(const MeshTree *tree, int64_t *patience, const Mesh *mesh, double slack, void *to,
     bool (*use)(void *to, int one, int other));
 void mesh_tree_free(MeshTree *tree);

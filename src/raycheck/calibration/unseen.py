@@ -126,7 +126,9 @@ def command(one: Unseen) -> str:
 
 def digest(one: Unseen) -> str:
     """Of what makes the pictures, what they are judged by, and the method."""
-    made = one.patch or (FOLDER / "renderer.cpp").read_text(encoding="utf-8")
+    made = (FOLDER / "renderer.cpp").read_text(encoding="utf-8")
+    if one.patch:  # what it changes, wherever that stands in its file
+        made = "".join(line for line in one.patch.splitlines(keepends=True) if line[:1] in "+-")
     rest = f"{provenance.digest(METHOD, rests_on(one))} {one.scene} {one.technique}"
     return hashlib.sha256(f"{made}{rest}".encode()).hexdigest()[:16]
 
