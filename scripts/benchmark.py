@@ -132,7 +132,8 @@ def save(path: Path | None, result: dict) -> None:
 
 def chosen(given: argparse.Namespace) -> list[BenchScene]:
     wanted = given.scene or ([QUICK_SCENE] if given.quick else [scene.name for scene in SCENES])
-    return [] if given.growth_only or given.commands_only else [scene for scene in SCENES if scene.name in wanted]
+    none = given.growth_only or given.commands_only
+    return [] if none else [scene for scene in SCENES if scene.name in wanted]
 
 
 def kept(given: argparse.Namespace) -> dict | None:

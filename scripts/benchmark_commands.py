@@ -1,4 +1,4 @@
-"""What raycheck's commands cost before they do anything: to say their version, their help, or what is wrong."""
+"""What raycheck's commands cost before they do anything: to say a version, a help, or what is wrong."""
 
 from __future__ import annotations
 

@@ -312,38 +312,39 @@ FITTING = of("judging/fitting.py", ["test_explanations.py"], [
      "np.einsum(\"mkl,ml->mk\", inverted, wanted), -1e9, of.high)", "a light is darker than missing"),
 ])  # fmt: skip
 
-EXPLANATIONS = of("judging/explanations.py", ["test_explanations.py", "test_diagnosis.py"], [
-    ("certainty", "CERTAINTY = 0.99", "CERTAINTY = 0.9", "one factor in ten is not in its interval"),
+CANDIDATES = of("judging/candidates.py", ["test_explanations.py", "test_diagnosis.py"], [
     ("usual", "USUAL = 0.1\n", "USUAL = 1.0\n", "a mistake is said that would have to be half as strong"),
-    ("share-explained", "SHARE = 0.98", "SHARE = 0.5", "a mistake is said that leaves half of the error"),
-    ("share-error", "SHARE_ERROR = 0.02", "SHARE_ERROR = 2.0", "what noise hides is said"),
     ("specific", "SPECIFIC = 3.0", "SPECIFIC = 0.0", "more is said of a part than the picture shows"),
-    ("sharp", "SHARP = 0.1", "SHARP = 10.0", "a factor is said that noise hides"),
     ("degree", "DEGREE = 3", "DEGREE = 0", "a smooth error is taken for what comes nearest"),
     ("similar", "SIMILAR = 0.05", "SIMILAR = 1e-6", "a mistake must be the catalogued one to the last digit"),
+    ("any-light-left", "LEFT = 0.07", "LEFT = 10.0", "an eighth of a light is called a quarter of it"),
+    ("no-right", "    yield right(looks)\n", "", "a right picture has to be something else"),
+    ("without-ignored", "if one.of.name not in without]", "]", "a mistake that is left out is named"),
+    ("factor-offset", "_free(images[:, None], variance[:, None]), prior, offset=1.0)",
+     "_free(images[:, None], variance[:, None]), prior)", "a factor of a part is what is added to it"),
+])  # fmt: skip
+
+EXPLANATIONS = of("judging/explanations.py", ["test_explanations.py", "test_diagnosis.py"], [
+    ("certainty", "CERTAINTY = 0.99", "CERTAINTY = 0.9", "one factor in ten is not in its interval"),
+    ("share-explained", "SHARE = 0.98", "SHARE = 0.5", "a mistake is said that leaves half of the error"),
+    ("share-error", "SHARE_ERROR = 0.02", "SHARE_ERROR = 2.0", "what noise hides is said"),
+    ("sharp", "SHARP = 0.1", "SHARP = 10.0", "a factor is said that noise hides"),
     ("surely", "SURELY = 0.98", "SURELY = 1e-9", "a part is named where others explain the error as well"),
-    ("unsaid-rivals", "if not confirmed or any(s.subject is None for s in others):", "if not confirmed:",
+    ("unsaid-rivals", "if not confirmed or len(same) < len(near):", "if not confirmed:",
      "what nobody can say loses to what somebody can"),
-    ("unconfirmed", "if not confirmed or any(", "if any(", "the second set need not confirm"),
+    ("unconfirmed", "if not confirmed or len(", "if len(", "the second set need not confirm"),
     ("not-sharp", "if s.sharp() and s.fits_well()", "if s.fits_well()",
      "a mistake of another strength is said"),
     ("not-accounted", "s.fits_well() and _accounts(looks, s)]", "s.fits_well()]",
      "what leaves a rest is said"),
     ("not-fitting", "if s.sharp() and s.fits_well()", "if s.sharp()", "what leaves more than noise is said"),
     ("no-leak", "LEAK = 0.05", "LEAK = 0.0", "a right part is blamed for another"),
-    ("any-light-left", "LEFT = 0.07", "LEFT = 10.0", "an eighth of a light is called a quarter of it"),
     ("one-round-of-two", "_round(looks, groups, 0), _round(looks, groups, 1)",
      "_round(looks, groups, 0), _round(looks, groups, 0)", "the first set confirms itself"),
-    ("no-right", "    yield _right(looks)\n", "", "a right picture has to be something else"),
-    ("unknown", "return found + ([_unknown(looks, number, found[0])] if len(looks) > 1 else [])",
+    ("unknown", "return found + ([_unknown(looks, number)] if len(looks) > 1 else [])",
      "return found", "over several scenes the unknown has no place"),
-    ("without-ignored", "if one.of.name not in without]", "]", "a mistake that is left out is named"),
-    ("factor-offset", "_free(images[:, None], variance[:, None]), prior, offset=1.0)",
-     "_free(images[:, None], variance[:, None]), prior)", "a factor of a part is what is added to it"),
     ("alike-unsaid", "for s in (*same, *alike) if", "for s in same if",
      "mistakes that look like the convention are not named"),
-    ("other-unsaid", "factors=standing.factors(), other=other[0])", "factors=standing.factors())",
-     "that another part may be it is not said"),
     ("little", "LITTLE = 0.05", "LITTLE = 1e-6", "a scene that comes out right has to be explained"),
 ])  # fmt: skip
 
@@ -537,7 +538,7 @@ AGENDA = of("judging/agenda.py", ["test_agenda.py"], [
 ])  # fmt: skip
 
 CHANGES: tuple[Change, ...] = (
-    *STATISTICS, *TILES, *VERDICT, *TILE_ERRORS, *PARTS, *FITTING, *EXPLANATIONS,
+    *STATISTICS, *TILES, *VERDICT, *TILE_ERRORS, *PARTS, *FITTING, *CANDIDATES, *EXPLANATIONS,
     *LOOKS, *CONVENTIONS, *MISTAKES, *SENTENCES, *CHECKS, *REFERENCES, *EXPECTED, *MAKING,
     *POINTS, *NOISE, *AGENDA,
 )  # fmt: skip

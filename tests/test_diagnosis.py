@@ -12,7 +12,7 @@ import pytest
 
 from raycheck.base.images import write_pfm
 from raycheck.calibration import mutants
-from raycheck.judging import explanations, mistakes, sentences
+from raycheck.judging import conventions, mistakes, sentences
 from raycheck.judging.explanations import explain
 from raycheck.judging.inspection import guesses
 from raycheck.judging.looks import look
@@ -78,7 +78,7 @@ def test_mistakes_that_look_alike_are_all_named(truth):
     one = replace(found, mistakes=found.mistakes[:1])
     words = f": “{found.mistakes[0].mistake.rstrip('.')}”"
     assert sentences.suspicion(one) == f"; it looks like this mistake{words}"
-    factor = replace(one, convention=explanations.FACTOR)
+    factor = replace(one, convention=conventions.FACTOR)
     assert sentences.suspicion(factor) == f"; this mistake would do just that{words}"
     assert guesses(told(truth, signature("light-no-cosine")))[-1].endswith("tells them apart.")
 

@@ -94,7 +94,7 @@ def test_a_command_imports_what_it_needs_alone(command: str, unwanted: tuple[str
 def way_of_a_picture() -> list[tuple[str, str]]:
     """(module, name) of each step that the docstring of the package judging lists."""
     steps = re.findall(r"^ ?\d+ (\S+)\.(\w+) ", raycheck.judging.__doc__ or "", re.MULTILINE)
-    assert len(steps) == 14
+    assert len(steps) == 15
     return steps
 
 

@@ -14,15 +14,15 @@ Calls go down this list, the way of a picture from `raycheck verify` to its sent
  7 stats.verdict.judge                decides by the means of image and tiles, in both sets
  8 judging.conclusion.conclude        makes the judgement a sentence and figures; a FAIL is explained by
  9 judging.looks.look                 the error in 8×8 tiles by both sets of images, which goes to
-10 judging.explanations.explain       what may be said of it, of all that competes (candidates): conventions,
-11 judging.parts.hypotheses           lights, path lengths and surfaces that have another factor, and
-12 judging.mistakes.signatures_in     known mistakes, by their signatures
-13 judging.sentences.reason           says where, how much, how sure, and what would decide
-14 judging.cases.Case                 is the verdict, in memory and in a file
+10 judging.explanations.explain       what may be said of it, of all that competes:
+11 judging.candidates.groups          pictures that were written or sampled in another way (conventions),
+12 judging.parts.hypotheses           lights, path lengths and surfaces that have another factor, and
+13 judging.mistakes.signatures_in     known mistakes, by their signatures
+14 judging.sentences.reason           says where, how much, how sure, and what would decide
+15 judging.cases.Case                 is the verdict, in memory and in a file
 
 Beside this way lie
 tile_errors   the error in tiles, and its noise
-candidates    who competes to explain a wrong picture
 fitting       how likely candidates are, all by one formula
 conventions   pictures that were written, or sampled, in another way
 settings      numbers of images, budgets, wishes

@@ -1,7 +1,7 @@
-"""Who competes to explain wrong pictures: conventions, parts of the light with another factor, catalogued mistakes.
+"""Who competes to explain wrong pictures: conventions, parts of the light, catalogued mistakes.
 
-Beside them stand rivals that say nothing: right pictures, a factor for each part and channel, a smooth field of
-factors. So the unknown has a place.
+Beside them stand rivals that say nothing: right pictures, a factor for each part and channel, a smooth
+field of factors. So the unknown has a place.
 """
 
 from collections.abc import Iterator, Sequence

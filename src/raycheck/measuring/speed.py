@@ -113,9 +113,9 @@ def commands_line(found: Mapping[str, Any]) -> str:
     seconds = {one["words"]: one["seconds"]["median"] for one in found["commands"]["rows"]}
     slowest = max(seconds, key=seconds.__getitem__)
     return (
-        f"Before it does anything raycheck takes {number(seconds['--version'])} s of a core to say its version, "
-        f"{number(seconds['--help'])} s its help, and at most {number(seconds[slowest])} s (`{slowest}`) the help "
-        f"of a command, or that arguments are wrong ({found['commands']['machine']})."
+        f"Before it does anything raycheck takes {number(seconds['--version'])} s of a core to say its "
+        f"version, {number(seconds['--help'])} s its help, and at most {number(seconds[slowest])} s "
+        f"(`{slowest}`) the help of a command, or that arguments are wrong ({found['commands']['machine']})."
     )
 
 
