@@ -314,14 +314,13 @@ FITTING = of("judging/fitting.py", ["test_explanations.py"], [
 
 CANDIDATES = of("judging/candidates.py", ["test_explanations.py", "test_diagnosis.py"], [
     ("usual", "USUAL = 0.1\n", "USUAL = 1.0\n", "a mistake is said that would have to be half as strong"),
-    ("specific", "SPECIFIC = 3.0", "SPECIFIC = 0.0", "more is said of a part than the picture shows"),
     ("degree", "DEGREE = 3", "DEGREE = 0", "a smooth error is taken for what comes nearest"),
     ("similar", "SIMILAR = 0.05", "SIMILAR = 1e-6", "a mistake must be the catalogued one to the last digit"),
     ("any-light-left", "LEFT = 0.07", "LEFT = 10.0", "an eighth of a light is called a quarter of it"),
     ("no-right", "    yield right(looks)\n", "", "a right picture has to be something else"),
     ("without-ignored", "if one.of.name not in without]", "]", "a mistake that is left out is named"),
-    ("factor-offset", "_free(images[:, None], variance[:, None]), prior, offset=1.0)",
-     "_free(images[:, None], variance[:, None]), prior)", "a factor of a part is what is added to it"),
+    ("factor-offset", "_free(images[:, None], variance[:, None]), offset=1.0)",
+     "_free(images[:, None], variance[:, None]))", "a factor of a part is what is added to it"),
 ])  # fmt: skip
 
 EXPLANATIONS = of("judging/explanations.py", ["test_explanations.py", "test_diagnosis.py"], [

@@ -15,7 +15,7 @@ from raycheck.judging.looks import Look, look
 from raycheck.judging.mistakes import Mistake, Signatures
 from raycheck.judging.parts import Hypothesis, Parts
 from raycheck.judging.tile_errors import TileErrors
-from raycheck.stats.tiles import grid
+from raycheck.stats.tiles import grid, region_means
 from raycheck.truth.expected import Truth
 
 HEIGHT, WIDTH = 64, 48
@@ -259,9 +259,14 @@ def test_what_no_part_explains_is_not_said(explain: Told) -> None:
 
 
 def test_a_smooth_error_is_no_part(explain: Told) -> None:
-    """A picture that darkens towards its rim: nothing has a name for that."""
+    """A picture that darkens towards its rim: nothing has a name for that, not even what is nearly so."""
     row = np.linspace(-1, 1, HEIGHT)[:, None, None]
     assert not explain(reference() * (1 - 0.2 * row**2), TWO, {"bright": -0.2 * area(0, 44)})
+    whole = [region_means(x, grid(HEIGHT, WIDTH)) for x in (reference(), reference() * row**2)]
+    signs = np.where(np.arange(TILES) % 2, 1.0, -1.0)[:, None]
+    nearly = -0.2 * whole[1] * (1 + 0.04 * signs)
+    assert not explain(reference() - 0.2 * reference() * row**2, signatures={"rim": nearly})
+    assert named(explain(reference() + enlarge(nearly), signatures={"rim": nearly})) == ["rim"]
 
 
 def test_nothing_is_said_where_noise_hides_the_rest(explain: Told) -> None:

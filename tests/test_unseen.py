@@ -10,6 +10,9 @@ from raycheck.commands.calibrate import LINES
 from raycheck.judging.verify import verify
 from raycheck.stats.verdict import Outcome
 
+SPP = 64
+"""Of each image: enough for a verdict, however busy the machine is."""
+
 
 @pytest.fixture(scope="module")
 def every() -> dict[str, unseen.Unseen]:
@@ -27,13 +30,13 @@ def test_there_are_enough_of_both_kinds(every: dict[str, unseen.Unseen]) -> None
 @pytest.mark.parametrize("scene", ["point-light", "furnace", "mixed-material"])
 def test_without_a_mistake_the_renderer_is_right(scene: str) -> None:
     right = unseen.Unseen("none", "renderer", scene, "", "")
-    [case] = verify(unseen.command(right), [scene], seconds=3.0).cases
+    [case] = verify(unseen.command(right), [scene], spp=SPP).cases
     assert case.verdict is Outcome.PASS
 
 
 @pytest.mark.parametrize("name", ["rotated_half_turn", "no_pi", "one_over_d", "lamps_unseen", "gamma_22"])
 def test_what_is_named_is_so(every: dict[str, unseen.Unseen], name: str) -> None:
-    found = unseen.judge(every[name])
+    found = unseen.judge(every[name], SPP)
     labels = json.loads((unseen.FOLDER / "labels.json").read_text(encoding="utf-8"))
     assert unseen.named(found["said"]) in labels[name]["true"]
 

@@ -111,12 +111,12 @@ def renderer() -> str:
 
 def command(one: Unseen) -> str:
     """How `verify` runs the renderer that makes this mistake."""
+    WORK.mkdir(parents=True, exist_ok=True)
     rest = "--spp {spp} --seed {seed} -o {output}"
     if one.source == "renderer":
         file = WORK / f"{one.scene}.json"
         write_whole(file, export.to_json(export.export(variants.variant(one.scene))))
         return f"{renderer()} {file} --mistake {one.name} {rest}"
-    WORK.mkdir(parents=True, exist_ok=True)
     patch = WORK / f"unseen-{one.name}.patch"
     write_whole(patch, one.patch)
     mutant = Mutant(f"unseen-{one.name}", patch, "", one.words, "", one.scene, one.technique)
@@ -139,9 +139,9 @@ def rests_on(one: Unseen) -> list[str]:
     return [f"reference {one.scene}", *own]
 
 
-def judge(one: Unseen) -> dict[str, Any]:
-    """Verdict and sentence by the scene that shows it."""
-    [case] = verify(command(one), [one.scene], seconds=SECONDS).cases
+def judge(one: Unseen, spp: int | None = None) -> dict[str, Any]:
+    """Verdict and sentence by the scene that shows it, in SECONDS or by images of `spp` samples per pixel."""
+    [case] = verify(command(one), [one.scene], spp=spp, seconds=None if spp else SECONDS).cases
     return {
         "name": one.name, "half": one.half, "source": one.source, "scene": one.scene,
         "verdict": case.verdict.value, "said": case.reason, "digest": digest(one),

@@ -25,8 +25,6 @@ LEFT = 0.07
 """What a mistake may be off relative to the light that it leaves…"""
 LEAST_LEFT = 0.02
 """…but no less than that of what it does, where it leaves none."""
-SPECIFIC = 3.0
-"""What ℓ has to rise by for each thing more that is said of a part of the light."""
 SIMILAR = 0.05
 """What a mistake may be off in a tile, relative to its signature: others make it a little differently."""
 DEGREE = 3
@@ -42,8 +40,6 @@ class Group:
 
     subjects: Sequence[Subject]
     of: Stack
-    prior: Sequence[float] = ()
-    """Taken from ℓ, for what is said; nothing if empty."""
     usual: float | None = None
     """The strength by nature."""
     within: Sequence[float] = ()
@@ -125,10 +121,9 @@ def of_one_scene(look: Look) -> Iterator[Group]:
     if of is not None and of.image.shape[3] == len(truth):
         found = [part for part in parts.hypotheses(of) if part.of.says]
         names = [(part.of,) for part in found]
-        prior = [SPECIFIC * part.of.says for part in found]
         images, variance = _templates(found)
-        yield Group(names, _free(images[:, None], variance[:, None]), prior, offset=1.0)
-        yield Group(names, _free(_by_channel(images), _by_channel(variance)), prior, offset=1.0)
+        yield Group(names, _free(images[:, None], variance[:, None]), offset=1.0)
+        yield Group(names, _free(_by_channel(images), _by_channel(variance)), offset=1.0)
         for family in parts.families(of, found):
             images, variance = _templates(family)
             yield Group([tuple(p.of for p in family)], _free(images[None], variance[None]), offset=1.0)

@@ -242,7 +242,7 @@ def _round(looks: Sequence[Look], groups: Sequence[Group], number: int) -> list[
         )  # fmt: skip
         shift = sum(look.decoded[code][1] for look in looks) if code else 0.0
         for index, subject in enumerate(group.subjects):
-            likelihood = float(fits.likelihood[index]) + shift - (group.prior[index] if group.prior else 0.0)
+            likelihood = float(fits.likelihood[index]) + shift
             found.append(Standing(subject, likelihood, group, index, fits))
     return found + ([_unknown(looks, number)] if len(looks) > 1 else [])
 
