@@ -77,7 +77,7 @@ def test_a_sheet_under_a_sky_shows_all_that_it_lets_go_on(renderer: Oneray, way:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_sheet_with_a_ramp_is_as_bright_as_the_ramp_is_there(renderer: Oneray, way: str) -> None:
-    """A quarter of the way around its middle, where u is 1/2, halved by to_uv; a checkerboard is beside it."""
+    """A quarter of the way around its middle, where u is 1/2, halved; a checkerboard is beside it."""
     ramp = """<rgb name="color0" value="0.2, 0.6, 0.1"/><rgb name="color1" value="0.8, 0.2, 0.1"/>
         <transform name="to_uv"><scale x="0.5" y="1"/></transform>"""
     sheets = [
