@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the meshes of the scenes: scenes/meshes/lamp.ply, coarse-ball.ply and ring.obj.
+"""Writes the meshes of the scenes: scenes/meshes/lamp.ply, coarse-ball.ply, strip.ply and ring.obj.
 
     python scripts/make_meshes.py [FOLDER]
 
@@ -55,6 +55,16 @@ def divided(vertices: Vertices, triangles: Triangles) -> tuple[Vertices, Triangl
     return vertices, smaller
 
 
+def strip(pieces: int = 6) -> tuple[Vertices, Triangles]:
+    """The square [−1, 1]² in z = 0, cut across x into pieces of which each is half as long as the one before,
+    the last two alike, of two triangles each; normal +z.
+    """
+    cuts = [1 - 2.0 ** (1 - k) for k in range(pieces)] + [1.0]
+    vertices = [(x, y, 0.0) for x in cuts for y in (-1.0, 1.0)]
+    corners = [(2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1) for k in range(pieces)]
+    return vertices, [three for a, b, c, d in corners for three in ((a, b, c), (a, c, d))]
+
+
 def ply(vertices: Vertices, triangles: Triangles, normals: bool) -> str:
     """ASCII PLY; with `normals` each vertex of a body around the origin has its own, pointing outwards."""
     names = ("x", "y", "z") + (("nx", "ny", "nz") if normals else ())
@@ -98,6 +108,7 @@ def main() -> None:
     files = {
         "lamp.ply": ply(*icosahedron(), normals=False),
         "coarse-ball.ply": ply(*divided(*icosahedron()), normals=True),
+        "strip.ply": ply(*strip(), normals=False),
         "ring.obj": ring(),
     }
     for name, text in files.items():

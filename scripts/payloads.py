@@ -4,7 +4,7 @@
     python scripts/payloads.py --check [--oneray PATH] [--every-kernel] [--sample N] [--jobs N]
 
 Each scene is rendered small with each technique that applies to it, in both precisions, and canonical ones in
-the precision that oneray chooses, at their other depth too: what measured results rest on, as on the scenes
+the precision that oneray chooses, at their other depths too: what measured results rest on, as on the scenes
 of the benchmark (raycheck.truth.provenance). The payload of a film
 is a hash of its numbers alone, so that it does not depend on how scenes, techniques and the program name
 themselves. --check lists every difference and ends with status 1 where there is one.

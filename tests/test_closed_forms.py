@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from raycheck.base.images import load_image
+from raycheck.scene import meshes
 from raycheck.scene.content import read_content
 from raycheck.scene.materials import Material
 from raycheck.scene.reader import Shape
@@ -184,3 +185,45 @@ def test_inside_a_light_alone_radiance_is_a_geometric_series(scene) -> None:
     expected = sum(wall.radiance * wall.material.reflectance**k for k in range(5))
     for way in ([0.0, 1, 0], [0, 0, 1.0]):
         assert radiance(content.camera.origin[None], np.array([way]))[2][0] == pytest.approx(expected)
+
+
+def test_a_mesh_that_fills_a_rectangle_is_one(scene, tmp_path: Path) -> None:
+    """Triangle by triangle it is seen under the same angle; one with a gap stays a mesh."""
+    content = forms.read_scene(scene("shaded-lamp"), {})
+    [lamp] = [shape for shape in content.shapes if shape.emits]
+    [filled] = [shape for shape in solids.with_faces(content).shapes if shape.emits]
+    assert (lamp.kind, filled.kind) == ("ply", "rectangle")
+    mesh = meshes.read_mesh(lamp.mesh, "ply")
+    corners = np.einsum("ij,fkj->fki", lamp.to_world[:3, :3], mesh.vertices[mesh.faces])
+    p, n = np.array([[0.3, -0.7, 0], [1.1, 0.2, 0.4]]), np.array([[0.0, 0, 1], [0, 0, 1]])
+    parts = [solids.projected_solid_angle(p, n, three + lamp.to_world[:3, 3]) for three in corners]
+    whole_lamp = solids.projected_solid_angle(p, n, solids.Plate(filled).corners)
+    assert len(parts) == 12 and sum(parts) == pytest.approx(whole_lamp, rel=1e-12)
+    assert (p - solids.Plate(filled).origin) @ solids.Plate(filled).normal == pytest.approx([1.5, 1.1])
+    text = lamp.mesh.read_text().replace("face 12", "face 11")
+    (tmp_path / "gap.ply").write_text(text.rstrip().rpartition("\n")[0] + "\n")
+    gap = dataclasses.replace(lamp, mesh=tmp_path / "gap.ply")
+    assert solids.with_faces(dataclasses.replace(content, shapes=(gap,))).shapes == (gap,)
+
+
+@pytest.mark.parametrize("name", ["shaded-lamp", "integrating-sphere"])
+def test_what_is_two_sided_looks_the_same_when_it_is_turned_round(scene, name: str) -> None:
+    """The wall of the shaded lamp and the ball around the eye: as one-sided ones that face it."""
+    content = solids.with_faces(forms.read_scene(scene(name), {}))
+    back = next(i for i, shape in enumerate(content.shapes) if shape.material.two_sided)
+    camera = content.camera
+    d = camera.directions(np.array([0.3, 0.5, 0.9]) * camera.width, np.full(3, 0.4 * camera.height))
+
+    def shown(flipped: bool, two_sided: bool) -> np.ndarray | None:
+        """Radiance in a few directions, some of which show the surface."""
+        shapes = list(content.shapes)
+        material = dataclasses.replace(shapes[back].material, two_sided=two_sided)
+        shapes[back] = dataclasses.replace(shapes[back], material=material, flipped=flipped)
+        radiance = forms.FORMS[name](dataclasses.replace(content, shapes=tuple(shapes)))
+        return radiance and radiance(np.broadcast_to(camera.origin, d.shape), d)[2]
+
+    as_it_is = shown(flipped=False, two_sided=True)
+    assert as_it_is is not None and (as_it_is > 0).any()
+    np.testing.assert_allclose(shown(flipped=True, two_sided=False), as_it_is, rtol=1e-12)
+    black = shown(flipped=False, two_sided=False)
+    assert black is None or not black.any()

@@ -24,7 +24,8 @@ CATALOGUE = {mutant.name: mutant for mutant in mutants.catalogue()}
 SAMPLE = (
     "nee-no-cosine", "emission-lost-after-mirror", "emission-twice", "light-not-scaled-by-n",
     "no-visibility-ray", "roulette-no-compensation", "mis-one-pdf-twice", "fresnel-counted-twice",
-    "film-clamp", "seed-per-row",
+    "film-clamp", "seed-per-row", "visibility-ray-nearly", "twosided-back-dark", "sphere-back-dark",
+    "mesh-light-mean-area",
 )  # fmt: skip
 CONTROLS = ("film-float", "light-choice-uniform")
 

@@ -101,7 +101,10 @@ def test_enough_scenes_need_only_triangles() -> None:
     ("script", "names"),
     [
         ("make_thousand_lights.py", ["thousand-lights.xml"]),
-        ("make_meshes.py", ["meshes/lamp.ply", "meshes/coarse-ball.ply", "meshes/ring.obj"]),
+        (
+            "make_meshes.py",
+            [f"meshes/{mesh}" for mesh in ("lamp.ply", "coarse-ball.ply", "strip.ply", "ring.obj")],
+        ),
         ("make_stiff.py", ["stiff/decades.xml", "stiff/meshes/strips.ply"]),
     ],
 )

@@ -11,6 +11,7 @@ plugins     what an element says, by oneray's tables of properties (plugins.json
             an error
 materials   the one table of materials and textures, by which the reader, export, its schema and code go
 reader      shapes, materials, lights and camera in double precision
+meshes      the triangles of the files that it names
 export      all primitives as plain data, for a renderer without an XML parser: the schema is
             scene.schema.json
 code        the same as text, C++ or Rust

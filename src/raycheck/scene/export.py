@@ -11,7 +11,6 @@ meet what is between `near_clip` and `far_clip` deep along the view.
 """
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from raycheck.base.arrays import Array
 from raycheck.base.errors import ReferenceError_
 from raycheck.scene.materials import Material, told
+from raycheck.scene.meshes import read_mesh
 from raycheck.scene.reader import Camera, Scene, Shape, read_scene
 from raycheck.scene.variants import Variant
 
@@ -180,43 +180,6 @@ def _unit(vector: Array) -> list[float]:
     return _numbers(vector / np.linalg.norm(vector))
 
 
-@dataclass(frozen=True)
-class _Mesh:
-    vertices: Array
-    """(V, 3)"""
-    faces: NDArray[np.int64]
-    """(F, 3)"""
-    normals: Array | None
-    """(V, 3), where the file has them"""
-
-
-def _read_mesh(path: Path, kind: str) -> _Mesh:
-    from trimesh import geometry
-    from trimesh.exchange import obj, ply
-
-    try:
-        if kind == "ply":
-            with path.open("rb") as binary:
-                parts = [ply.load_ply(binary)]
-        else:
-            with path.open(encoding="utf-8-sig") as text:
-                loaded = obj.load_obj(text, group_material=False, split_objects=False)
-            parts = list(loaded["geometry"].values()) if "geometry" in loaded else [loaded]
-        [one] = parts
-        vertices, faces, normals = (one.get(name) for name in ("vertices", "faces", "vertex_normals"))
-        mesh = _Mesh(
-            np.asarray(vertices, dtype=np.float64).reshape(-1, 3),
-            geometry.triangulate_quads(faces),
-            None if normals is None else np.asarray(normals, dtype=np.float64).reshape(-1, 3),
-        )
-        corners = mesh.vertices[mesh.faces]
-    except Exception as error:  # trimesh names no errors of its own
-        raise ReferenceError_(f"{path}: not a mesh that can be read ({error})") from None
-    if not len(corners) or not np.isfinite(corners).all():
-        raise ReferenceError_(f"{path}: not a mesh that can be read (no faces, or a corner that is no place)")
-    return mesh
-
-
 def _triangles(shape: Shape, sign: float) -> list[dict[str, Any]]:
     """Those that have an area. Vertex normals that the file lacks are the mean of the triangles', each by its
     angle (Thürmer & Wüthrich, Computing Vertex Normals from Polygonal Facets, JGT 3(1), 1998); where
@@ -224,7 +187,7 @@ def _triangles(shape: Shape, sign: float) -> list[dict[str, Any]]:
     """
     if shape.mesh is None:
         raise ReferenceError_(f"<shape type={shape.kind!r}> cannot be written as primitives")
-    mesh = _read_mesh(shape.mesh, shape.kind)
+    mesh = read_mesh(shape.mesh, shape.kind)
     linear, place = shape.to_world[:3, :3], shape.to_world[:3, 3]
     corners = (mesh.vertices @ linear.T + place)[mesh.faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -75,11 +75,11 @@ def variant(scene: str | Path, parameters: Mapping[str, str] | None = None) -> V
 
 
 def ladder() -> list[Variant]:
-    """Every canonical scene as it stands and at its other depth: direct light only, or without limit."""
+    """Every canonical scene as it stands and at other depths: direct light only, and without limit."""
     found = []
     for name in scene_names():
-        defaults = document.read(scene_path(name)).defaults
-        others = [{"depth": "-1" if defaults["depth"] == "2" else "2"}] if "depth" in defaults else []
+        depth = document.read(scene_path(name)).defaults.get("depth")
+        others = [{"depth": other} for other in ("2", "-1") if depth not in (None, other)]
         found += [Variant(scene_path(name), parameters) for parameters in ({}, *others)]
     return found
 

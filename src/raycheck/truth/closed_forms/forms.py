@@ -44,14 +44,15 @@ def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | No
 
 RECTANGLES_AND_BALLS = (
     "area-light", "spherical-light", "sphere-light-near", "sphere-light-far", "light-below-horizon",
-    "occluded-lights", "hidden-light", "checkerboard", "touching-light", "many-lights",
+    "occluded-lights", "hidden-light", "checkerboard", "touching-light", "many-lights", "shaded-lamp",
 )  # fmt: skip
 FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
     **dict.fromkeys(RECTANGLES_AND_BALLS, flat_and_round_lights),
     "point-light": point_light, "thousand-lights": lamp_grid, "sun-and-spot": sun_and_spot,
-    "open-sky": open_sky, "inside-light": furnace, "furnace": furnace, "mirror-light": mirror_light,
-    "mirror-corridor": mirror_corridor, "metal": metal, "glass-pane": glass_pane,
-    "mixed-material": mixed_material, "rough-metal": rough_metal, "brushed-metal": rough_metal,
+    "open-sky": open_sky, **dict.fromkeys(("inside-light", "furnace", "integrating-sphere"), furnace),
+    "mirror-light": mirror_light, "mirror-corridor": mirror_corridor, "metal": metal,
+    "glass-pane": glass_pane, "mixed-material": mixed_material, "rough-metal": rough_metal,
+    "brushed-metal": rough_metal,
 }  # fmt: skip
 
 BORDERS = {"mirror-corridor": 64, "glass-pane": 64, "metal": 64, "sun-and-spot": 64}

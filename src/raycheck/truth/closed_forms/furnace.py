@@ -9,7 +9,8 @@ from raycheck.truth.closed_forms.solids import Ball, nearest
 
 
 def furnace(scene: Scene) -> Radiance | None:
-    """A ball (radius a, emission E, reflectance β) in a closed sphere (radius R, emission D, reflectance ρ).
+    """A ball (radius a, emission E, reflectance β) in a closed sphere (radius R, emission D, reflectance ρ),
+    which is turned inside out or two-sided; the back of what shines is dark.
 
     At depth n, from 0: Wₙ = D + ρ (f Bₙ₋₁ + (1−f) Wₙ₋₁), Bₙ = E + β Wₙ₋₁ with f = (a/R)².
     Source: by symmetry each surface has one radiance. The ball covers the fraction f of the wall's
@@ -20,11 +21,12 @@ def furnace(scene: Scene) -> Radiance | None:
         return None
     inner, outer = sorted((0, 1), key=lambda i: Ball(scene.shapes[i]).radius)
     ball, wall = Ball(scene.shapes[inner]), Ball(scene.shapes[outer])
-    if not wall.shape.flipped or ball.shape.flipped or (ball.center != wall.center).any():
+    inside = wall.shape.flipped or wall.shape.material.two_sided
+    if not inside or ball.shape.flipped or (ball.center != wall.center).any():
         return None
     f = (ball.radius / wall.radius) ** 2
     rho, beta = wall.shape.material.reflectance, ball.shape.material.reflectance
-    glow, emission = wall.shape.radiance, ball.shape.radiance
+    glow, emission = wall.shape.radiance * wall.shape.flipped, ball.shape.radiance
     if scene.max_depth < 0:
         wall_radiance = (glow + rho * f * emission) / (1 - rho * (1 - f + f * beta))
         ball_radiance = emission + beta * wall_radiance

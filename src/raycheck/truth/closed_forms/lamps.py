@@ -36,10 +36,11 @@ def point_light(scene: Scene) -> Radiance | None:
 def flat_and_round_lights(scene: Scene) -> Radiance | None:
     """L = Lₑ + ρ/π Σ Lₑ F for black rectangle and ball lights over rectangles, at depth 1 and 2.
 
-    F is the projected solid angle of what is above the horizon: Lambert's formula for rectangles, less the
-    shadows of others (a rectangle parallel to a light throws one that is a rectangle again: its corners
-    scaled about p by the ratio of the two planes' distances), and `ball_solid_angle` for balls, which for a
-    ball all above the horizon is that of a point with its flux, 4π²R²Lₑ over 4πd² (Gauss), times the cosine.
+    F is the projected solid angle of what is above the horizon: Lambert's formula for rectangles, and for
+    meshes that fill one, less the shadows of others (a rectangle parallel to a light throws one that is a
+    rectangle again: its corners scaled about p by the ratio of the two planes' distances), and
+    `ball_solid_angle` for balls, which for a ball all above the horizon is that of a point with its flux,
+    4π²R²Lₑ over 4πd² (Gauss), times the cosine.
     Deeper too where no surface sees another.
     """
     lights = [shape for shape in scene.shapes if shape.emits]
@@ -63,6 +64,8 @@ def flat_and_round_lights(scene: Scene) -> Radiance | None:
 
 def _convex(plates: list[Plate]) -> bool:
     """Whether all rectangles are behind, or in, the planes of all others, so that none sees another."""
+    if any(plate.shape.material.two_sided for plate in plates):
+        return False
     return all(((b.corners - a.origin) @ a.normal <= 1e-4).all() for a in plates for b in plates)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raycheck.base.arrays import Array, Flags, Indices
+from raycheck.scene.meshes import read_mesh
 from raycheck.scene.reader import Camera, Scene, Shape
 
 EDGE_POINTS = 6000
@@ -147,16 +148,31 @@ CUBE_FACES = tuple(
 
 
 def with_faces(scene: Scene) -> Scene:
-    """The scene with six rectangles in place of each cube."""
+    """The scene with rectangles in place of each cube, and of each mesh that fills one."""
     shapes: list[Shape] = []
     for shape in scene.shapes:
-        if shape.kind == "cube":
-            shapes += [
-                replace(shape, kind="rectangle", to_world=shape.to_world @ face) for face in CUBE_FACES
-            ]
-        else:
-            shapes.append(shape)
+        faces = CUBE_FACES if shape.kind == "cube" else _filled(shape)
+        shapes += [replace(shape, kind="rectangle", to_world=shape.to_world @ face) for face in faces]
+        shapes += [] if faces else [shape]
     return replace(scene, shapes=tuple(shapes))
+
+
+def _filled(shape: Shape) -> tuple[Array, ...]:
+    """The matrix (4, 4) that places the unit rectangle where the triangles of a mesh are, if in its own space
+    all lie at z = 0, counterclockwise, and have the area of the box around them.
+    """
+    if shape.mesh is None or np.linalg.det(shape.to_world[:3, :3]) < 0:
+        return ()
+    mesh = read_mesh(shape.mesh, shape.kind)
+    corners = mesh.vertices[mesh.faces]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    area = float(np.prod((high - low)[:2]))
+    if corners[..., 2].any() or (doubled < 0).any() or abs(doubled.sum() / 2 - area) > 1e-12 * area:
+        return ()
+    place = np.diag([*(high - low)[:2] / 2, 1.0, 1.0])
+    place[:3, 3] = (low + high) / 2
+    return (place,)
 
 
 def in_view(scene: Scene) -> Scene:
@@ -193,7 +209,9 @@ def nearest(scene: Scene, o: Array, d: Array) -> tuple[Indices, Array]:
 def seen(
     scene: Scene, o: Array, d: Array, irradiance: Callable[[Array, Array], Array]
 ) -> tuple[Indices, Array, Array]:
-    """What rays see at their first hit: emission and ρ/π · irradiance(p, n), both from the front only."""
+    """What rays see at their first hit: emission, from the front only, and ρ/π · irradiance(p, n), with n to
+    the eye, from behind too where the material is two-sided.
+    """
     index, distance = nearest(scene, o, d)
     value = np.zeros_like(d)
     for i, shape in enumerate(scene.shapes):
@@ -201,10 +219,14 @@ def seen(
         p = o[here] + distance[here, None] * d[here]
         n = solid(shape).normals(p)
         front = np.einsum("ij,ij->i", n, d[here]) < 0
-        here, p, n = here[front], p[front], n[front]
-        value[here] = shape.radiance
-        if shape.material.kind == "diffuse" and shape.material.reflectance.any() and len(here):
-            value[here] += shape.material.reflectance / math.pi * irradiance(p, n)
+        value[here[front]] = shape.radiance
+        if shape.material.kind != "diffuse" or not shape.material.reflectance.any():
+            continue
+        for side, sign in ((front, 1), (~front, -1))[: 1 + shape.material.two_sided]:
+            if side.any():
+                value[here[side]] += (
+                    shape.material.reflectance / math.pi * irradiance(p[side], sign * n[side])
+                )
     return index, distance, value
 
 
