@@ -39,6 +39,11 @@ typedef struct {
     const char *odd;
 } EmitterTraits;
 
+/* The picture, pixels, and the film that it is a part of: its size, and where in it the picture begins. */
+typedef struct {
+    int width, height, film_width, film_height, x, y;
+} Frame;
+
 typedef struct {
     double origin[3];
     double farthest; /* that it sees */

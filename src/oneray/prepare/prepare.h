@@ -9,7 +9,7 @@ static void prepare_camera(Camera *camera, const Sensor *sensor)
     camera->kind = sensor->kind;
 #define X(NAME, name, words)                                                                                 \
     if (sensor->kind == SENSOR_##NAME)                                                                       \
-        name##_row(&sensor->as.name, sensor->width, sensor->height, &camera->as.name);
+        name##_row(&sensor->as.name, &sensor->frame, &camera->as.name);
     SENSORS(X)
 #undef X
 }
@@ -115,8 +115,8 @@ static void *prepare(const Description *d, const Technique *technique, Features 
     prepare_camera(&scene->camera, &d->sensor);
     scene->max_depth = d->max_depth < 0 || d->max_depth > PATH_LIMIT ? PATH_LIMIT : (Int)d->max_depth;
     scene->rr_depth = scene->features.use & USE_ROULETTE ? d->rr_depth : PATH_LIMIT;
-    scene->width = d->sensor.width;
-    scene->height = d->sensor.height;
+    scene->width = d->sensor.frame.width;
+    scene->height = d->sensor.frame.height;
     free(first_slot);
     return scene;
 }
