@@ -51,7 +51,8 @@ int main(void)
     for (int i = 0; i < COUNT(sensors); i++)
         print_plugin("sensor", sensors[i]);
     print_plugin("film", &hdrfilm);
-    print_plugin("rfilter", &box);
+    for (int i = 0; i < COUNT(filters); i++)
+        print_plugin("rfilter", filters[i]);
     print_plugin("sampler", &independent);
     for (int i = 0; i < COUNT(bsdfs); i++)
         print_plugin("bsdf", bsdfs[i]);

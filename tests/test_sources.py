@@ -21,6 +21,7 @@ LAYERS = (
     {"materials"},
     {"emitters"},
     {"media"},
+    {"filters"},
     {"sensors"},
     {"scene"},
     {"prepare"},

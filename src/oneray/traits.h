@@ -42,6 +42,8 @@ typedef struct {
 /* The picture, pixels, and the film that it is a part of: its size, and where in it the picture begins. */
 typedef struct {
     int width, height, film_width, film_height, x, y;
+    bool sample_border;
+    int border; /* pixels around the picture that are film too */
 } Frame;
 
 typedef struct {

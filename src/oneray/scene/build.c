@@ -411,12 +411,10 @@ static const Plugin hdrfilm = {"hdrfilm, ldrfilm", NULL, {
     {"file_format", AS_STRING, LEFT_OUT, NULL, ""},
     {"banner", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
     {"compensate", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
-    {"sample_border", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
-    {"high_quality_edges", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
+    {"sample_border", AS_BOOLEAN, offsetof(Frame, sample_border), NULL, "false"},
     {"attach_log", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
     {"gamma", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
     {"exposure", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""}}};
-static const Plugin box = {.types = "box"};
 static const Plugin independent = {
     "independent, stratified, multijitter, orthogonal, ldsampler, halton, hammersley, sobol", NULL, {
     {"sample_count", AS_INTEGER, offsetof(Description, sample_count), "[1,2147483647]", "4"},
@@ -426,6 +424,7 @@ static const Plugin independent = {
     {"dimension", AS_INTEGER, LEFT_OUT, "[0,2147483647]", "4"},
     {"scramble", AS_INTEGER, LEFT_OUT, "[-1,2147483647]", "-1"}}};
 static const Plugin *const sensors[] = {SENSORS(PLUGIN)};
+static const Plugin *const filters[] = {FILTERS(PLUGIN)};
 
 static void read_integrator(Builder *builder, Node *node)
 {
@@ -467,20 +466,44 @@ static void set_crop(const Node *node, Frame *frame)
 
 static void read_film(Builder *builder, Node *node)
 {
-    Frame *frame = &builder->description->sensor.frame;
-    const uint64_t *size = builder->size;
-    read_only(builder, node, &hdrfilm, "<rfilter>", frame);
+    read_only(builder, node, &hdrfilm, "<rfilter>", &builder->description->sensor.frame);
     if (strcmp(attribute(node, "type"), "ldrfilm") == 0)
         note(node, "<film type=\"ldrfilm\"> is read as hdrfilm: the picture has radiances (as a .png, sRGB)");
+}
+
+static void set_frame(const Builder *builder, const Node *node)
+{
+    Frame *frame = &builder->description->sensor.frame;
+    const uint64_t *size = builder->size;
     if (size && (size[0] || size[1]) && (frame->x || frame->y || frame->width || frame->height))
         fail(node, "--width and --height do not go with a crop window of the film (--crop does)");
     if (size)
         set_size(frame, size);
     set_crop(node, frame);
-    const Node *rfilter = only_child(node, "rfilter");
-    if (!rfilter)
-        fail(node, "<film> needs <rfilter type=\"box\"/> (Mitsuba's default, gaussian, is not supported)");
-    read_only(builder, rfilter, &box, "", NULL);
+}
+
+/* The filter's table, and what of the film its reach adds to the picture. */
+static void set_filter(Sensor *sensor)
+{
+    Filter *filter = &sensor->filter;
+#define X(NAME, name, words)                                                                                 \
+    if (filter->kind == FILTER_##NAME)                                                                       \
+        filter->radius = name##_radius(&filter->as.name);
+    FILTERS(X)
+#undef X
+    filter_table(filter);
+    sensor->frame.border = sensor->frame.sample_border ? (int)fmax(0, ceil(filter->radius - .5)) : 0;
+}
+
+static void read_filter(Builder *builder, Node *node)
+{
+    Filter *filter = &builder->description->sensor.filter;
+    const char *type = attribute(node, "type");
+    if (find_word("mitchell, catmullrom, lanczos", type ? type : "") >= 0)
+        fail(node, "%s weighs some of the film below 0, so that no choice of samples can stand for it (box, tent, gaussian)",
+             describe(node));
+    filter->kind = (FilterKind)find_plugin(node, filters, COUNT(filters));
+    read_plugin(builder, node, filters[filter->kind], "", &filter->as);
 }
 
 static void read_sampler(Builder *builder, Node *node)
@@ -500,16 +523,21 @@ static void read_view(Builder *builder, Node *node)
     read_plugin(builder, node, sensors[kind], "<film>, <sampler>", &sensor->as);
 }
 
+/* Without a film, or a filter, with Mitsuba's. */
 static void read_sensor(Builder *builder, Node *node)
 {
+    Sensor *sensor = &builder->description->sensor;
     Node *film = only_child(node, "film");
+    sensor->frame = (Frame){.film_width = 768, .film_height = 576};
+    sensor->filter = (Filter){.kind = FILTER_GAUSSIAN, .as.gaussian = {.5}};
     bool right = reads(builder, read_view, node);
-    if (!film)
-        fail(node, "<sensor> needs a <film type=\"hdrfilm\"> with <rfilter type=\"box\"/>");
     right &= reads(builder, read_film, film);
+    right &= reads(builder, read_filter, film ? only_child(film, "rfilter") : NULL);
     right &= reads(builder, read_sampler, only_child(node, "sampler"));
     if (!right)
         give_up();
+    set_frame(builder, film ? film : node);
+    set_filter(sensor);
 }
 
 /* A child of the scene that is a sensor, or refers to one. */

@@ -2,6 +2,7 @@
    Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
 #pragma once
 
+#include "filters/filter.h"
 #include "kinds.h"
 #include "kinds/emitters.h"
 #include "kinds/materials.h"
@@ -66,6 +67,7 @@ typedef struct {
     const char *file; /* with line, where it stands */
     int line;
     Frame frame;
+    Filter filter;
     union {
         SENSORS(X)
     } as;

@@ -89,7 +89,7 @@ static inline SensorTraits perspective_traits(const Perspective *s, const Frame 
     normalise(traits.axis);
     traits.pixel = fmin(2 * half[0] / frame->width, 2 * half[1] / frame->height);
     for (int i = 0; i < 2; i++)
-        half[i] *= fmax(fabs(edge[i]), fabs(edge[i] - 2));
+        half[i] *= fmax(fabs(edge[i]), fabs(edge[i] - 2)) + 2.0 * frame->border / (i ? frame->height : frame->width);
     traits.cosine = 1 / hypot(1, hypot(half[0], half[1]));
     return traits;
 }
@@ -105,6 +105,7 @@ typedef struct perspective_row {
     Num near_clip, far_clip;
     Num pixel_width, pixel_height; /* in units of the half image: 2/width, 2/height */
     Num a, b;                      /* of the picture's left and upper edge, along left and up */
+    Num from[2], to[2];            /* of the film's right and lower edge, and of its left and upper edge */
     Num to_left[3], to_up[3];      /* left and up over their squared lengths: a point's place in the image */
     Num film_area;                 /* of the image at forward's distance 1 */
 } PerspectiveRow;
@@ -133,6 +134,11 @@ static inline void perspective_row(const Perspective *perspective, const Frame *
     camera->pixel_height = (Num)(2.0 / frame->height);
     camera->a = (Num)edge[0];
     camera->b = (Num)edge[1];
+    for (int i = 0; i < 2; i++) {
+        double border = 2.0 * frame->border / (i ? frame->height : frame->width);
+        camera->from[i] = (Num)(edge[i] - 2 - border);
+        camera->to[i] = (Num)(edge[i] + border);
+    }
     camera->film_area = (Num)(4 * extent[0] * extent[1]);
 }
 
@@ -165,8 +171,8 @@ INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p)
     eye.x = (real(camera->a) - a) / real(camera->pixel_width);
     eye.y = (real(camera->b) - b) / real(camera->pixel_height);
     eye.weight = eye.distance * inverse_z * inverse_z * inverse_z / real(camera->film_area);
-    eye.seen = (z > real(camera->near_clip)) & (z < real(camera->far_clip)) & (a > real(camera->a - 2))
-               & (a <= real(camera->a)) & (b > real(camera->b - 2)) & (b <= real(camera->b));
+    eye.seen = (z > real(camera->near_clip)) & (z < real(camera->far_clip)) & (a > real(camera->from[0]))
+               & (a <= real(camera->to[0])) & (b > real(camera->from[1])) & (b <= real(camera->to[1]));
     return eye;
 }
 

@@ -67,6 +67,22 @@ class Spot:
 
 
 @dataclass(frozen=True)
+class Filter:
+    """What a pixel's film is weighed by around its middle, along x and along y: `box`, `tent` or `gaussian`,
+    which is exp(-x²/2σ²) - exp(-8); sizes in pixels. A border of pixels around the picture counts, too.
+    """
+
+    kind: str = "box"
+    radius: float = 0.5
+    border: int = 0
+
+    @property
+    def is_pixel(self) -> bool:
+        """The mean over a pixel's own square, which Mitsuba takes any filter of this radius for."""
+        return self.radius == 0.5
+
+
+@dataclass(frozen=True)
 class Camera:
     """A pinhole: `to_world` (4, 4) with the view along +z and the image's right along −x, as in Mitsuba.
 
@@ -82,6 +98,8 @@ class Camera:
     far_clip: float = 1e4
     edge: tuple[float, float] = (1.0, 1.0)
     """Of the image's left and upper edge, in halves of the image to the left of and above the view's axis."""
+
+    filter: Filter = Filter()
 
     @property
     def origin(self) -> Array:
@@ -348,10 +366,7 @@ def _spot(said: Said) -> Spot:
 
 
 def _camera(sensor: Element) -> Camera:
-    film = only(sensor, "film")
-    if film is None:
-        fail(sensor, '<sensor> needs a <film type="hdrfilm"> with <rfilter type="box"/>')
-    size, start, width, height = _film(film)
+    size, start, width, height, weights = _film(only(sensor, "film"))
     with Said(sensor, ("film", "sampler")) as said:  # no sampler changes the mean of a picture
         half, axis = _field_of_view(said)
         to_world = said.transform("to_world")
@@ -372,7 +387,7 @@ def _camera(sensor: Element) -> Camera:
         (1 - 2 * (at / whole + by)) / share
         for at, whole, by, share in zip(start, size, moved, shares, strict=True)
     )
-    return Camera(to_world, half * shares[0], width, height, near, far, (left, upper))
+    return Camera(to_world, half * shares[0], width, height, near, far, (left, upper), weights)
 
 
 def _field_of_view(said: Said) -> tuple[float, str]:
@@ -394,21 +409,28 @@ def _field_of_view(said: Said) -> tuple[float, str]:
     return math.hypot(36, 24) / (2 * millimetres), "diagonal"
 
 
-def _film(film: Element) -> tuple[tuple[int, int], tuple[int, int], int, int]:
-    """(width, height) of a film whose pixels are means over their own squares, (x, y) where the picture
-    begins in it, and the picture's width and height.
+def _film(film: Element | None) -> tuple[tuple[int, int], tuple[int, int], int, int, Filter]:
+    """(width, height) of the film, (x, y) where the picture begins in it, the picture's width and height, and
+    its filter; without a film Mitsuba's.
     """
-    rfilter = only(film, "rfilter")
-    if rfilter is None:
-        fail(film, '<film> needs <rfilter type="box"/> (Mitsuba\'s default, gaussian, is not supported)')
-    with Said(rfilter):
-        pass
+    if film is None:
+        return (768, 576), (0, 0), 768, 576, Filter("gaussian", 2.0)
+    kind, radius = _filter(only(film, "rfilter"))
     with Said(film, ("rfilter",)) as said:
         size = said.integer("width"), said.integer("height")
         x, y = said.integer("crop_offset_x"), said.integer("crop_offset_y")
         width, height = said.integer("crop_width") or size[0], said.integer("crop_height") or size[1]
+        border = max(0, math.ceil(radius - 0.5)) if said.flag("sample_border") else 0
     if x + width > size[0] or y + height > size[1]:
         fail(film, f"the crop window, {width} x {height} from ({x}, {y}) on, is not within the film")
     if width * height > 2**28:
         fail(film, f"{width} x {height} pixels are more than 2^28")
-    return size, (x, y), width, height
+    return size, (x, y), width, height, Filter(kind, radius, border)
+
+
+def _filter(rfilter: Element | None) -> tuple[str, float]:
+    """Its kind and radius; Mitsuba's default where there is none."""
+    if rfilter is None:
+        return "gaussian", 2.0
+    with Said(rfilter) as said:
+        return said.type, 4 * said.number("stddev") if said.type == "gaussian" else said.number("radius")
