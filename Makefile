@@ -59,7 +59,7 @@ endif
 part = $(word $(2),$(subst :, ,$(1)))
 SOURCES := $(wildcard src/oneray/*.c src/oneray/*/*.c)
 # kinds/FOLDER.h includes the file of each kind of the list FOLDER in kinds.h that has one.
-KIND_HEADERS := $(foreach f,materials shapes emitters textures media sensors estimators,$(BUILD)/kinds/$(f).h)
+KIND_HEADERS := $(foreach f,materials shapes emitters textures media filters sensors estimators,$(BUILD)/kinds/$(f).h)
 SOURCE_HEADERS := $(wildcard src/oneray/*.h src/oneray/*/*.h)
 HEADERS := $(SOURCE_HEADERS) $(KIND_HEADERS)
 vpath %.c $(sort $(dir $(SOURCES)))

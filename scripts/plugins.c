@@ -6,6 +6,7 @@
 static const char *const kind_names[] = {[AS_FLOAT] = "float",
     [AS_IOR] = "ior",
     [AS_COLOUR] = "colour",
+    [AS_EMISSION] = "emission",
     [AS_REFLECTANCE] = "reflectance",
     [AS_VECTOR] = "vector",
     [AS_INTEGER] = "integer",
@@ -31,7 +32,7 @@ static void print_plugin(const char *element, const Plugin *plugin)
             kind_names[field->kind]);
         print_text("range", field->range);
         print_text("default", field->otherwise);
-        printf(", \"one_value\": %s}", field->offset == NOWHERE ? "true" : "false");
+        printf(", \"one_value\": %s}", field->offset >= LEFT_OUT ? "true" : "false");
     }
     printf("]}\n");
 }
@@ -45,11 +46,13 @@ int main(void)
         printf("{\"kind\": \"%s\", \"elements\": \"%s\"}\n", kind_names[i], kinds[i].elements);
     for (int i = 0; i < COUNT(mediums); i++)
         printf("{\"medium\": \"%s\", \"ior\": %.17g}\n", mediums[i].name, mediums[i].ior);
-    print_plugin("integrator", &path);
+    for (int i = 0; i < COUNT(integrators); i++)
+        print_plugin("integrator", integrators[i]);
     for (int i = 0; i < COUNT(sensors); i++)
         print_plugin("sensor", sensors[i]);
     print_plugin("film", &hdrfilm);
-    print_plugin("rfilter", &box);
+    for (int i = 0; i < COUNT(filters); i++)
+        print_plugin("rfilter", filters[i]);
     print_plugin("sampler", &independent);
     for (int i = 0; i < COUNT(bsdfs); i++)
         print_plugin("bsdf", bsdfs[i]);

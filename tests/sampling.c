@@ -158,7 +158,7 @@ OVER_COLUMNS(conductor)
 extern void *scene_read(const char *file);
 void *scene_read(const char *file)
 {
-    Description *d = description_read(file, NULL, 0, NULL);
+    Description *d = description_read(file, NULL, 0, NULL, NULL);
     find_stacks(d, file, NUM_ROUNDING);
     return d;
 }

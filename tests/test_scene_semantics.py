@@ -379,6 +379,50 @@ CASES: dict[str, str] = {
 }
 BLACK = {"hide-emitters-depth-1"}
 
+POINT_X, POINT_Y = (
+    f'<float name="principal_point_offset_{axis}" value="{by}"/>' for axis, by in (("x", 0.125), ("y", -0.1))
+)
+CROP = "".join(
+    f'<integer name="crop_{name}" value="{value}"/>'
+    for name, value in (("offset_x", 5), ("offset_y", 2), ("width", 9), ("height", 12))
+)
+SPECTRUM = "400:0.2, 480:0.7 550:.1, 620:.9 720:0.3"
+
+
+def cropped(text: str) -> str:
+    """Of the film of a scene."""
+    return text.replace('<film type="hdrfilm">', f'<film type="hdrfilm">{CROP}')
+
+
+def spectrum(name: str, value: str = SPECTRUM) -> str:
+    return f'<spectrum name="{name}" value="{value}"/>'
+
+
+WHITE, SKY = '<rgb name="reflectance" value=".8 .6 .4"/>', '<rgb name="radiance" value="1 .5 2"/>'
+WEIGHT = '<float name="sampling_weight" value="3"/>'
+OTHERS = scene(LANDMARKS + WALL + CONSTANT, FOV + POINT_X, DEPTH_5)
+CASES |= {
+    "focal-length": scene(LANDMARKS, '<string name="focal_length" value="35mm"/>', width=32),
+    "focal-length-default": scene(LANDMARKS, "", width=8),
+    "principal-point-x": scene(LANDMARKS, FOV + POINT_X, width=32),
+    "principal-point-y": scene(LANDMARKS, FOV + POINT_Y),
+    "crop": cropped(scene(LANDMARKS, FOV, width=32)),
+    "crop-principal-point": cropped(scene(LANDMARKS, FOV + POINT_X + POINT_Y, width=24)),
+    "direct": OTHERS.replace('type="path">' + DEPTH_5, 'type="direct">'),
+    "direct-samples": OTHERS.replace(
+        'type="path">' + DEPTH_5, 'type="direct"><integer name="emitter_samples" value="3"/>'
+    ),
+    "volpath": OTHERS.replace('type="path"', 'type="volpath"'),
+    "spectrum-of-reflectance": scene(WALL.replace(WHITE, spectrum("reflectance")) + CONSTANT),
+    "spectrum-of-light": lit(CONSTANT.replace(SKY, spectrum("radiance"))),
+    "spectrum-of-light-uniform": lit(CONSTANT.replace(SKY, spectrum("radiance", "2"))),
+    "spectrum-beyond-rgb": lit(CONSTANT.replace(SKY, spectrum("radiance", "500:0 501:9 510:9 511:0"))),
+    "sampling-weight": lit(CONSTANT.replace(SKY, WEIGHT + SKY) + DIRECTIONAL),
+    "dielectric-default": material('<bsdf type="dielectric"/>', 180),
+    "alias": scene(WALL.replace("<bsdf", '<bsdf id="paint"', 1) + '<alias id="paint" as="colour"/>'
+                   f'<shape type="sphere">{transform(AHEAD)}<ref id="colour"/></shape>{CONSTANT}'),
+}  # fmt: skip
+
 
 def by_oneray(oneray: Path, directory: Path, text: str, *options: str) -> tuple[np.ndarray, np.ndarray]:
     """oneray's picture and its standard error, each [height, width, 3]."""
@@ -448,6 +492,8 @@ def test_parameter_of_the_command_line(oneray: Path, tmp_path: Path) -> None:
         ("spot-default", "spot-beam"),
         ("hide-emitters", "show-emitters"),
         ("metal-front", "mirror-front"),
+        ("principal-point-x", "focal-length"),
+        ("spectrum-of-light-uniform", "spectrum-of-light"),
     ],
 )
 def test_different_scenes_are_told_apart(oneray: Path, tmp_path: Path, one: str, other: str) -> None:

@@ -21,6 +21,7 @@ LAYERS = (
     {"materials"},
     {"emitters"},
     {"media"},
+    {"filters"},
     {"sensors"},
     {"scene"},
     {"prepare"},
@@ -34,8 +35,6 @@ LAYERS = (
     {"main"},
 )
 """Folders, and files that lie in none, from the bottom up. A folder includes itself and what is below it."""
-
-
 
 
 def room(path: str) -> str:

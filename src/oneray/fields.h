@@ -11,6 +11,7 @@ typedef enum {
     AS_FLOAT,     /* double */
     AS_IOR,       /* double: an index of refraction, or a medium's name */
     AS_COLOUR,    /* double[3] */
+    AS_EMISSION,  /* double[3] */
     AS_REFLECTANCE, /* Reflectance */
     AS_VECTOR,    /* double[3] */
     AS_INTEGER,   /* int */
@@ -29,8 +30,10 @@ typedef struct {
     const char *otherwise; /* what holds where the file says nothing: a value as in a file; "" is 0; NULL: it must say */
 } Field; /* a table ends with a row of zeros */
 
-/* A value of which there is but one: it is checked, and needs no place. */
+/* Values that need no place. Of a word NOWHERE, others than the first make no other picture; of what is LEFT_OUT no
+   value does. A warning says so. */
 #define NOWHERE ((size_t)-1)
+#define LEFT_OUT ((size_t)-2)
 
 /* A file that the scene file names, in memory until the check: whose name is relative to the scene's folder. */
 typedef struct {
@@ -46,7 +49,7 @@ typedef struct {
 } Reflectance;
 
 /* An element, as far as its plugin's struct does not say it. */
-enum { MOST_FIELDS = 16 };
+enum { MOST_FIELDS = 24 };
 typedef struct {
     const char *file; /* with line, where it stands: fail(said, …) */
     int line;

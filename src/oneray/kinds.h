@@ -2,7 +2,7 @@
    these lines come the enums, the bits of the feature mask, the reader's tables of plugins, the features of a scene
    and the places where a kernel chooses between kinds. The Makefile makes kinds/FOLDER.h, which includes the files
    of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
-   textures/texture.h, emitters/emitter.h, sensors/eye.h.
+   textures/texture.h, emitters/emitter.h, sensors/eye.h, filters/filter.h.
 
    A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
    what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
@@ -48,6 +48,11 @@
 #define TEXTURES(X) X(CHECKERBOARD, checkerboard, "checkerboard")
 #define MEDIA(X)
 #define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
+/* What weighs the film around a pixel's middle. */
+#define FILTERS(X)                                                                                           \
+    X(BOX, box, "box")                                                                                       \
+    X(TENT, tent, "tent")                                                                                    \
+    X(GAUSSIAN, gaussian, "gaussian")
 
 /* What a scene has besides. */
 #define TRAITS(X)                                                                                            \
@@ -63,7 +68,8 @@
     X(HIDDEN, hidden, "hidden emitters")                                                                      \
     X(STACKS, stacks, "surfaces in one place")                                                                \
     X(UV, uv, "texture coordinates")                                                                         \
-    X(ANISOTROPIC, anisotropic, "anisotropic roughness")
+    X(ANISOTROPIC, anisotropic, "anisotropic roughness")                                                     \
+    X(FILTER, filter, "filter that is no pixel")
 
 /* VERTICES and PARTS, and the empty lists, are seams for what is to come: nothing of today sets them.
    What a technique does with it (technique.h). */
@@ -98,6 +104,9 @@ typedef enum { EMITTERS(X) EMITTER_KINDS } EmitterKind;
 #undef X
 #define X(NAME, name, words) SENSOR_##NAME,
 typedef enum { SENSORS(X) SENSOR_KINDS } SensorKind;
+#undef X
+#define X(NAME, name, words) FILTER_##NAME,
+typedef enum { FILTERS(X) FILTER_KINDS } FilterKind;
 #undef X
 
 #define KINDS(X) SHAPES(X) MATERIALS(X) EMITTERS(X) TEXTURES(X) MEDIA(X) SENSORS(X) TRAITS(X)

@@ -42,10 +42,10 @@ static void identify(Film *film, const Options *options, const Description *scen
 /* Every output can be written, and is nothing that is read or written already. */
 static void check_outputs(const Options *options, const Description *scene)
 {
-    char **inputs = allocate((size_t)scene->mesh_file_count + 1, sizeof *inputs);
+    char **inputs = allocate((size_t)scene->file_count + 1, sizeof *inputs);
     inputs[0] = (char *)options->scene;
-    for (int i = 0; i < scene->mesh_file_count; i++)
-        inputs[i + 1] = scene->mesh_files[i];
+    for (int i = 0; i < scene->file_count; i++)
+        inputs[i + 1] = scene->files[i];
     const char *const outputs[] = {options->output, options->film, options->checkpoint,
         options->stats && strcmp(options->stats, "-") ? options->stats : NULL};
     for (int i = 0; i < 4; i++) {
@@ -53,17 +53,16 @@ static void check_outputs(const Options *options, const Description *scene)
             if (outputs[i] && outputs[k] && !strcmp(outputs[i], outputs[k]))
                 die("%s: is given for two outputs", outputs[i]);
         if (outputs[i])
-            output_check(outputs[i], inputs, scene->mesh_file_count + 1);
+            output_check(outputs[i], inputs, scene->file_count + 1);
     }
     free(inputs);
 }
 
-static Window window_of(const Options *options, const Sensor *sensor)
+static Window window_of(const Options *options, const Frame *frame)
 {
-    const uint64_t whole[4] = {0, 0, (uint64_t)sensor->width, (uint64_t)sensor->height};
+    const uint64_t whole[4] = {0, 0, (uint64_t)frame->width, (uint64_t)frame->height};
     const uint64_t *crop = options->crop[2] ? options->crop : whole;
-    return (Window){
-        sensor->width, sensor->height, (int)crop[0], (int)crop[1], (int)crop[2], (int)crop[3]};
+    return (Window){frame->width, frame->height, (int)crop[0], (int)crop[1], (int)crop[2], (int)crop[3]};
 }
 
 /* Writes what there is, and says if that is not what was asked for. */
@@ -87,9 +86,15 @@ static void render_scene(Options *options)
 {
     Seconds seconds = {0};
     double start = seconds_now();
-    Description *scene =
-        description_read(options->scene, options->parameters, options->parameter_count, options->size);
+    Description *scene = description_read(options->scene, options->parameters, options->parameter_count,
+        options->sensor, options->size);
     options_check(options, scene);
+    if (options->check) {
+        int warnings = warnings_given();
+        printf("%s: no errors, %d warning%s\n", options->scene, warnings, warnings == 1 ? "" : "s");
+        description_free(scene);
+        return;
+    }
     check_outputs(options, scene);
     seconds.load = seconds_now() - start;
 
@@ -104,7 +109,7 @@ static void render_scene(Options *options)
     r.prepared = r.kernel->prepare(scene, &options->technique);
     seconds.build = seconds_now() - start;
 
-    r.film.window = window_of(options, &scene->sensor);
+    r.film.window = window_of(options, &scene->sensor.frame);
     identify(&r.film, options, scene);
     start = seconds_now();
     render_image(&r);

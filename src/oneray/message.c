@@ -1,5 +1,6 @@
 #include "message.h"
 
+#include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -13,6 +14,11 @@ static char unfinished[4096];
 static volatile sig_atomic_t is_unfinished, heeded, stop;
 /* And what a bug's message ends with. */
 static char **called;
+/* Where reading goes on behind an error, how many there were, and how many warnings. */
+static jmp_buf *behind_error;
+static int errors, warnings;
+
+enum { MOST_ERRORS = 50 };
 
 enum { EXIT_WRONG = 2, EXIT_BUG = 70 }; /* EX_SOFTWARE of sysexits.h */
 
@@ -72,7 +78,8 @@ void die_interrupted(void)
 
 NORETURN static void leave(int status)
 {
-    fputc('\n', stderr);
+    behind_error = NULL;
+    errors = warnings = 0;
     if (is_unfinished)
         unlink(unfinished);
     exit(status);
@@ -89,8 +96,32 @@ void die_at(const char *file, int line, const char *format, ...)
     va_start(arguments, format);
     vfprintf(stderr, format, arguments);
     va_end(arguments);
-    leave(EXIT_WRONG);
+    fputc('\n', stderr);
+    if (!file || !behind_error || ++errors == MOST_ERRORS)
+        leave(EXIT_WRONG);
+    give_up();
 }
+
+void give_up(void) { longjmp(*behind_error, 1); }
+
+bool attempt(void (*step)(void *), void *what)
+{
+    jmp_buf here, *outer = behind_error;
+    behind_error = &here;
+    bool done = setjmp(here) == 0;
+    if (done)
+        step(what);
+    behind_error = outer;
+    return done;
+}
+
+void end_if_wrong(void)
+{
+    if (errors)
+        leave(EXIT_WRONG);
+}
+
+int warnings_given(void) { return warnings; }
 
 void called_with(char **words) { called = words; }
 
@@ -105,7 +136,15 @@ void bug(const char *format, ...)
     fputs(": a bug, please report it; again:", stderr);
     for (char **word = called; word && *word; word++)
         fprintf(stderr, strpbrk(*word, " \t\n\"$&()*;<>?[]`{|}~") || !**word ? " '%s'" : " %s", *word);
+    fputc('\n', stderr);
     leave(EXIT_BUG);
+}
+
+static void give_warning(const char *format, va_list arguments)
+{
+    vfprintf(stderr, format, arguments);
+    fputc('\n', stderr);
+    warnings++;
 }
 
 void warn(const char *format, ...)
@@ -114,9 +153,18 @@ void warn(const char *format, ...)
     fflush(stdout);
     fputs("oneray: warning: ", stderr);
     va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
+    give_warning(format, arguments);
     va_end(arguments);
-    fputc('\n', stderr);
+}
+
+void warn_at(const char *file, int line, const char *format, ...)
+{
+    va_list arguments;
+    fflush(stdout);
+    fprintf(stderr, "oneray: warning: %s:%d: ", file, line);
+    va_start(arguments, format);
+    give_warning(format, arguments);
+    va_end(arguments);
 }
 
 void *allocate(size_t count, size_t size)

@@ -1,4 +1,5 @@
-/* Errors and warnings: one line on standard error; an error ends the program with exit status 2, a bug with 70. */
+/* Errors and warnings: one line on standard error; an error ends the program with exit status 2, at once or after the
+   others of a file, a bug with 70. */
 #pragma once
 
 #if defined(__GNUC__)
@@ -19,12 +20,22 @@ NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF
 void called_with(char **words);
 NORETURN void bug(const char *format, ...) PRINTF_LIKE(1, 2);
 void warn(const char *format, ...) PRINTF_LIKE(1, 2);
+void warn_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4); /* … FILE:LINE: … */
 typedef struct {
     const char *file;
     int line;
 } Place;
 /* What stands at a place, or at whatever has a file and a line, is wrong. */
 #define fail(at, ...) die_at((at)->file, (at)->line, __VA_ARGS__)
+#define note(at, ...) warn_at((at)->file, (at)->line, __VA_ARGS__)
+
+/* Takes a step of reading a file. What is found wrong in it is said, and then ends the step alone: false. give_up() ends
+   it without another word, where one was said before. Steps may be within steps. */
+bool attempt(void (*step)(void *), void *what);
+NORETURN void give_up(void);
+/* Ends the program if anything was found wrong. */
+void end_if_wrong(void);
+int warnings_given(void);
 
 /* A file that is being written under a temporary name: removed by die(), and by a signal. NULL when there is
    none. */

@@ -56,6 +56,9 @@ static const Option table[] = {
     {"--exposure", "STOPS", REAL, AT(exposure), .low = -128, .high = 128, .merges = true,
         .help = "of .png: 2^STOPS times as bright"},
     {"-D", "name=value", PARAMETER, 0, .help = "sets a <default> of the scene"},
+    {"--sensor", "ID|N", TEXT, AT(sensor), .help = "the scene's sensor with this id, or its N-th, from 0 on"},
+    {"--check", NULL, FLAG, AT(check), .help = "reads the scene and says all that is wrong with it; renders nothing"},
+    {"--preview", NULL, FLAG, AT(preview), .help = "--width 256 --time 1, where none of --width, --height, --time and --spp is given"},
     {"--width", "N", WHOLE, AT(size[0]), .least = 1, .most = 65536,
         .help = "instead of the scene's; one alone keeps the image's shape"},
     {"--height", "N", WHOLE, AT(size[1]), .least = 1, .most = 65536, .help = "likewise"},
@@ -301,7 +304,9 @@ static void check_given(const Options *o, const Technique *asked)
         die("--samples says which samples are rendered: --spp, --time and --error do not go with it");
     if (o->film && o->output)
         die("--film writes a part; `oneray merge PART.film ... -o OUT.exr` makes the picture");
-    if (!o->film && !o->output && !o->stats)
+    if (o->check && (o->output || o->film || o->checkpoint || o->stats))
+        die("--check writes nothing: -o, --film, --checkpoint and --stats do not go with it");
+    if (!o->film && !o->output && !o->stats && !o->check)
         die("nothing to do: give -o OUT.exr (or --stats - for the figures alone)");
     if (!o->checkpoint && (o->resume || o->checkpoint_seconds > 0))
         die("%s: --checkpoint FILE is wanted with it", o->resume ? "--resume" : "--checkpoint-seconds");
@@ -411,6 +416,10 @@ Options options_read(int count, char **words)
         if (table[i].kind == CHOICE && *choice(&o.technique, &table[i]) < 0)
             *choice(&o.technique, &table[i]) = table[i].unasked;
     check_given(&o, &asked);
+    if (o.preview && !o.size[0] && !o.size[1])
+        o.size[0] = 256;
+    if (o.preview && !o.spp && !o.sample_count && o.seconds <= 0)
+        o.seconds = 1;
     if (o.checkpoint_seconds <= 0)
         o.checkpoint_seconds = 60;
     return o;
@@ -437,20 +446,20 @@ static const Material *absorbs_nothing(const Description *scene)
 
 void options_check(const Options *options, const Description *scene)
 {
-    const Sensor *sensor = &scene->sensor;
-    const uint64_t *crop = options->crop, width = (uint64_t)sensor->width, height = (uint64_t)sensor->height;
+    const Frame *frame = &scene->sensor.frame;
+    const uint64_t *crop = options->crop, width = (uint64_t)frame->width, height = (uint64_t)frame->height;
     if (crop[2] > width || crop[0] > width - crop[2] || crop[3] > height || crop[1] > height - crop[3])
-        die("--crop: the image has %d x %d pixels", sensor->width, sensor->height);
+        die("--crop: the image has %d x %d pixels", frame->width, frame->height);
 #define X(NAME, name, words) words,
     static const char *const kinds[EMITTER_KINDS] = {EMITTERS(X)};
 #undef X
     for (int i = 0; i < scene->emitter_count; i++) {
         const Emitter *light = &scene->emitters[i];
         if (!emitter_has_power(light))
-            warn("%s:%d: this light has no power and is left out", options->scene, light->line);
+            note(light, "this light has no power and is left out");
         LightFrom from = emitter_traits(light).from;
         if (options->technique.estimator == ESTIMATOR_WALK && (from == FROM_POINT || from == FROM_AFAR))
-            die_at(options->scene, light->line,
+            fail(light,
                 "--estimator walk: no random ray hits a %s, its light would be "
                 "missing; use nee or mis",
                 kinds[light->kind]);
@@ -461,9 +470,7 @@ void options_check(const Options *options, const Description *scene)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;
     if (endless)
-        warn("%s:%d: this material absorbs nothing and max_depth is -1: a path that cannot leave will be an "
-             "error",
-            options->scene, endless->line);
+        note(endless, "this material absorbs nothing and max_depth is -1: a path that cannot leave will be an error");
 }
 
 void options_technique(const Technique *t, char *text, int size)

@@ -163,9 +163,33 @@ static void render_block(Render *r, uint64_t first, int level)
         film_add(&r->film, layer);
 }
 
-/* Adds what the job's light paths gave to the pixels, path after path, in whatever order the lanes came. */
-static void gather_splats(const Splats *splats, size_t paths, double *radiance)
+/* P6 Of each pixel around a splat the share of its filter there, m⁻² of the film's pixels. */
+static void add_filtered(const Splat *splat, const Sensor *sensor, double *radiance)
 {
+    const Filter *filter = &sensor->filter;
+    const int size[2] = {sensor->frame.width, sensor->frame.height};
+    int low[2], high[2];
+    for (int axis = 0; axis < 2; axis++) {
+        low[axis] = (int)fmax(0, ceil(splat->at[axis] - filter->radius - .5));
+        high[axis] = (int)fmin(size[axis] - 1, floor(splat->at[axis] + filter->radius - .5));
+    }
+    for (int y = low[1]; y <= high[1]; y++)
+        for (int x = low[0]; x <= high[0]; x++) {
+            const int pixel[2] = {x, y};
+            double share = 1, cut[2];
+            for (int axis = 0; axis < 2; axis++) {
+                filter_cut(filter, pixel[axis], size[axis], sensor->frame.border, cut);
+                share *= filter_weight(filter, splat->at[axis] - pixel[axis] - .5) / (filter->integral * cut[1]);
+            }
+            for (int c = 0; c < 3; c++)
+                radiance[3 * ((size_t)y * (size_t)size[0] + (size_t)x) + (size_t)c] += share * splat->radiance[c];
+        }
+}
+
+/* Adds what the job's light paths gave to the pixels, path after path, in whatever order the lanes came. */
+static void gather_splats(const Splats *splats, size_t paths, const Sensor *sensor, double *radiance)
+{
+    bool filtered = !filter_is_pixel(&sensor->filter);
     size_t *next = allocate(paths + 1, sizeof *next);
     const Splat **sorted = allocate(splats->count, sizeof *sorted);
     for (size_t i = 0; i < splats->count; i++)
@@ -174,7 +198,9 @@ static void gather_splats(const Splats *splats, size_t paths, double *radiance)
         next[path + 1] += next[path];
     for (size_t i = 0; i < splats->count; i++)
         sorted[next[splats->list[i].path]++] = &splats->list[i];
-    for (size_t i = 0; i < splats->count; i++)
+    for (size_t i = 0; i < splats->count && filtered; i++)
+        add_filtered(sorted[i], sensor, radiance);
+    for (size_t i = 0; i < splats->count && !filtered; i++)
         for (int c = 0; c < 3; c++)
             radiance[3 * sorted[i]->pixel + (size_t)c] += sorted[i]->radiance[c];
     free(sorted);
@@ -200,7 +226,7 @@ static void render_pass(Render *r, uint64_t sample)
         size_t count = all - pixel < JOB_SAMPLES ? all - pixel : JOB_SAMPLES;
         splats.count = 0;
         run(r, (Job){0, sample, pixel, 1, count, NULL, &splats});
-        gather_splats(&splats, count, radiance);
+        gather_splats(&splats, count, &r->scene->sensor, radiance);
     }
     free(splats.list);
     for (size_t pixel = 0, count = 1; pixel < pixels; pixel++) {

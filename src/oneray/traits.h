@@ -39,6 +39,13 @@ typedef struct {
     const char *odd;
 } EmitterTraits;
 
+/* The picture, pixels, and the film that it is a part of: its size, and where in it the picture begins. */
+typedef struct {
+    int width, height, film_width, film_height, x, y;
+    bool sample_border;
+    int border; /* pixels around the picture that are film too */
+} Frame;
+
 typedef struct {
     double origin[3];
     double farthest; /* that it sees */

@@ -14,7 +14,7 @@ void *fuzz_calloc(size_t count, size_t size);
 void *fuzz_realloc(void *block, size_t size);
 void fuzz_free(void *block);
 void fuzz_exit(int status) __attribute__((noreturn));
-FILE *fuzz_open(const char *name, const char *mode); /* the input for "scene.xml", a triangle for a mesh */
+FILE *fuzz_open(const char *name, const char *mode); /* the input for "scene.xml", a triangle for a mesh, a bsdf for another scene */
 int fuzz_close(FILE *stream);
 XML_Parser fuzz_parser(const XML_Char *encoding);
 extern FILE *fuzz_messages; /* goes nowhere */

@@ -9,7 +9,7 @@ static void read_scene(const uint8_t *bytes, size_t size)
     (void)bytes, (void)size; /* as the file scene.xml */
     const Parameter given[] = {{.name = "depth", .value = "3"}};
     const uint64_t image[2] = {size % 3 * 7, 0};
-    Description *description = description_read("scene.xml", given, size % 4 == 0, image);
+    Description *description = description_read("scene.xml", given, size % 4 == 0, size % 5 ? NULL : "1", image);
     precision_for(description, reason, (int)sizeof reason);
     find_stacks(description, "scene.xml", size % 2 ? 1e-7 : 1e-16);
     description_free(description);

@@ -10,7 +10,8 @@ typedef struct area {
 } Area;
 
 static const Plugin area_plugin = {"area", NULL, {
-    {"radiance", AS_COLOUR, offsetof(Area, radiance), "[0,inf)", "1"}}};
+    {"sampling_weight", AS_FLOAT, LEFT_OUT, "(0,inf)", "1"},
+    {"radiance", AS_EMISSION, offsetof(Area, radiance), "[0,inf)", "1"}}};
 
 static inline EmitterTraits area_traits(const Area *e)
 {

@@ -10,7 +10,8 @@ typedef struct constant {
 } Constant;
 
 static const Plugin constant_plugin = {"constant", NULL, {
-    {"radiance", AS_COLOUR, offsetof(Constant, radiance), "[0,inf)", "1"}}};
+    {"sampling_weight", AS_FLOAT, LEFT_OUT, "(0,inf)", "1"},
+    {"radiance", AS_EMISSION, offsetof(Constant, radiance), "[0,inf)", "1"}}};
 
 static inline EmitterTraits constant_traits(const Constant *e)
 {

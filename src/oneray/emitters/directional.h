@@ -29,7 +29,8 @@ static inline void directional_check(void *plugin, Said *said)
 static const Plugin directional_plugin = {"directional", directional_check, {
     {"direction", AS_VECTOR, offsetof(Directional, direction), NULL, "0 0 1"},
     {"to_world", AS_TRANSFORM, offsetof(Directional, to_world), NULL, ""},
-    {"irradiance", AS_COLOUR, offsetof(Directional, irradiance), "[0,inf)", "1"}}};
+    {"sampling_weight", AS_FLOAT, LEFT_OUT, "(0,inf)", "1"},
+    {"irradiance", AS_EMISSION, offsetof(Directional, irradiance), "[0,inf)", "1"}}};
 
 static inline EmitterTraits directional_traits(const Directional *e)
 {

@@ -22,7 +22,8 @@ static inline void point_check(void *plugin, Said *said)
 static const Plugin point_plugin = {"point", point_check, {
     {"position", AS_VECTOR, offsetof(Point, position), NULL, "0"},
     {"to_world", AS_TRANSFORM, offsetof(Point, to_world), NULL, ""},
-    {"intensity", AS_COLOUR, offsetof(Point, intensity), "[0,inf)", "1"}}};
+    {"sampling_weight", AS_FLOAT, LEFT_OUT, "(0,inf)", "1"},
+    {"intensity", AS_EMISSION, offsetof(Point, intensity), "[0,inf)", "1"}}};
 
 static inline EmitterTraits point_traits(const Point *e)
 {

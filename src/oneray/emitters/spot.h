@@ -30,7 +30,8 @@ static inline void spot_check(void *plugin, Said *said)
 }
 static const Plugin spot_plugin = {"spot", spot_check, {
     {"to_world", AS_TRANSFORM, offsetof(Spot, to_world), NULL, ""},
-    {"intensity", AS_COLOUR, offsetof(Spot, intensity), "[0,inf)", "1"},
+    {"sampling_weight", AS_FLOAT, LEFT_OUT, "(0,inf)", "1"},
+    {"intensity", AS_EMISSION, offsetof(Spot, intensity), "[0,inf)", "1"},
     {"cutoff_angle", AS_FLOAT, offsetof(Spot, cutoff_angle), "(0,180]", "20"},
     {"beam_width", AS_FLOAT, offsetof(Spot, beam_width), "[0,180]", ""}}};
 

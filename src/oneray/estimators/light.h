@@ -22,8 +22,12 @@ STAGE void start_at_light(Start *start, const Scene *scene, Features f)
 }
 
 /* A splat for each lane; items says which of the job's paths a lane works on. */
-INLINE void give_splats(Splats *splats, const size_t items[], Index pixel, Light radiance, Mask arrives)
+INLINE void give_splats(
+    Splats *splats, const size_t items[], const Scene *scene, Real x, Real y, Light radiance, Mask arrives, Features f)
 {
+    Index pixel = index_of(0);
+    if (!(f.has & HAS_FILTER))
+        pixel = real_floor(y) * scene->width + real_floor(x);
     if (splats->room < splats->count + LANES) {
         splats->room = 2 * splats->room + 1024;
         splats->list = reallocate(splats->list, splats->room, sizeof *splats->list);
@@ -33,6 +37,8 @@ INLINE void give_splats(Splats *splats, const size_t items[], Index pixel, Light
         Splat *splat = &splats->list[splats->count++];
         splat->path = items[lane];
         splat->pixel = (size_t)LANE(pixel, lane);
+        if (f.has & HAS_FILTER)
+            splat->at[0] = LANE(x, lane), splat->at[1] = LANE(y, lane);
         light_lane(&radiance, lane, splat->radiance);
     }
 }
@@ -63,8 +69,8 @@ INLINE void join_eye(
     Mask arrives = comes_through(path, scene, &shadow, active, index_of(-1), &flux, f);
     if (f.has & HAS_SMOOTH)
         flux = light_scale(flux, face_over_shading(s, eye.wi));
-    Index x = real_floor(only(arrives, eye.x)), y = real_floor(only(arrives, eye.y));
-    give_splats(splats, items, y * scene->width + x, light_scale(flux, received(cosine, f) * eye.weight), arrives);
+    give_splats(splats, items, scene, only(arrives, eye.x), only(arrives, eye.y),
+        light_scale(flux, received(cosine, f) * eye.weight), arrives, f);
 }
 
 /* One vertex of a light path. Its n-th is the eye's path of n + 1 rays: max_depth counts those. */

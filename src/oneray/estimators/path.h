@@ -32,9 +32,20 @@ typedef struct {
     Light flux; /* of a light path */
 } Start;
 
+/* P6 Where on the film the sample is, from the pixel's corner on: u[0], u[1]. */
+STAGE Uniforms film_point(const Rng *rng, const Scene *scene, Real pixel_x, Real pixel_y, Features f)
+{
+    Uniforms film = random_block(rng, index_of(0), DIMENSION_CAMERA, f);
+    if (f.has & HAS_FILTER) {
+        film.u[0] = real(.5) + filter_sample(&scene->filter, 0, pixel_x, film.u[0]);
+        film.u[1] = real(.5) + filter_sample(&scene->filter, 1, pixel_y, film.u[1]);
+    }
+    return film;
+}
+
 STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y, Features f)
 {
-    Uniforms film = random_block(&start->rng, index_of(0), DIMENSION_CAMERA, f);
+    Uniforms film = film_point(&start->rng, scene, pixel_x, pixel_y, f);
     start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1], f);
     start->roulette = film.u[2];
 }

@@ -7,6 +7,7 @@
 typedef struct {
     size_t path;   /* of the job's */
     size_t pixel;
+    double at[2];  /* with a filter, where on the film, pixels; the pixel is 0 then */
     double radiance[3];
 } Splat;
 

@@ -11,15 +11,9 @@ typedef struct dielectric {
     Reflectance specular_reflectance, specular_transmittance;
 } Dielectric;
 
-static inline void dielectric_check(void *plugin, Said *said)
-{
-    (void)plugin;
-    if (!given(said, "int_ior") || !given(said, "ext_ior"))
-        fail(said, "<bsdf type=\"dielectric\"> needs both int_ior and ext_ior (as <float>, or by name)");
-}
-static const Plugin dielectric_plugin = {"dielectric", dielectric_check, {
-    {"int_ior", AS_IOR, offsetof(Dielectric, int_ior), "(0,1000]", ""},
-    {"ext_ior", AS_IOR, offsetof(Dielectric, ext_ior), "(0,1000]", ""},
+static const Plugin dielectric_plugin = {"dielectric", NULL, {
+    {"int_ior", AS_IOR, offsetof(Dielectric, int_ior), "(0,1000]", "1.5046"}, /* bk7 */
+    {"ext_ior", AS_IOR, offsetof(Dielectric, ext_ior), "(0,1000]", "1.000277"}, /* air */
     {"specular_reflectance", AS_REFLECTANCE, offsetof(Dielectric, specular_reflectance), "[0,1]", "1"},
     {"specular_transmittance", AS_REFLECTANCE, offsetof(Dielectric, specular_transmittance), "[0,1]", "1"}}};
 

@@ -9,9 +9,29 @@ static void prepare_camera(Camera *camera, const Sensor *sensor)
     camera->kind = sensor->kind;
 #define X(NAME, name, words)                                                                                 \
     if (sensor->kind == SENSOR_##NAME)                                                                       \
-        name##_row(&sensor->as.name, sensor->width, sensor->height, &camera->as.name);
+        name##_row(&sensor->as.name, &sensor->frame, &camera->as.name);
     SENSORS(X)
 #undef X
+}
+
+/* By column and by row of the picture what of the filter is on the film. */
+static void prepare_filter(Scene *scene, const Sensor *sensor)
+{
+    const Filter *filter = &sensor->filter;
+    const int size[2] = {sensor->frame.width, sensor->frame.height};
+    scene->filter.radius = (Num)filter->radius;
+    scene->filter.from_end = keep(scene, FILTER_NODES + 1, sizeof(Num));
+    for (int i = 0; i <= FILTER_NODES; i++)
+        scene->filter.from_end[i] = (Num)filter->from_end[i];
+    for (int axis = 0; axis < 2; axis++) {
+        scene->filter.cut[axis] = keep(scene, (size_t)size[axis], sizeof *scene->filter.cut[axis]);
+        for (int i = 0; i < size[axis]; i++) {
+            double cut[2];
+            filter_cut(filter, i, size[axis], sensor->frame.border, cut);
+            scene->filter.cut[axis][i][0] = (Num)cut[0];
+            scene->filter.cut[axis][i][1] = (Num)cut[1];
+        }
+    }
 }
 
 static uint64_t bit(int kind, int first) { return (uint64_t)1 << (first + kind); }
@@ -87,6 +107,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f.has |= HAS_HIDDEN;
     if (d->stacks.count)
         f.has |= HAS_STACKS;
+    if (!filter_is_pixel(&d->sensor.filter))
+        f.has |= HAS_FILTER;
     if (technique->hemisphere == HEMISPHERE_COSINE)
         f.use |= USE_COSINE;
     if ((f.has & HAS_DIELECTRIC) && technique->fresnel == FRESNEL_SCHLICK)
@@ -115,8 +137,10 @@ static void *prepare(const Description *d, const Technique *technique, Features 
     prepare_camera(&scene->camera, &d->sensor);
     scene->max_depth = d->max_depth < 0 || d->max_depth > PATH_LIMIT ? PATH_LIMIT : (Int)d->max_depth;
     scene->rr_depth = scene->features.use & USE_ROULETTE ? d->rr_depth : PATH_LIMIT;
-    scene->width = d->sensor.width;
-    scene->height = d->sensor.height;
+    scene->width = d->sensor.frame.width;
+    scene->height = d->sensor.frame.height;
+    if (features.has & HAS_FILTER)
+        prepare_filter(scene, &d->sensor);
     free(first_slot);
     return scene;
 }

@@ -1,6 +1,7 @@
 /* A scene as a kernel wants it: tables in the kernel's precision, only of what the scene has. */
 #pragma once
 
+#include "filters/filter.h"
 #include "sensors/sensor.h"
 #include "emitters/lesson.h"
 #include "materials/scatter.h"
@@ -10,6 +11,7 @@ typedef struct {
     Materials materials;
     Emitters emitters;
     Camera camera;
+    FilterRow filter;
     Int max_depth, rr_depth;            /* max_depth of a scene without limit is PATH_LIMIT */
     int width, height;
     Lesson *lesson; /* while the visibility of lights is being learned, else NULL */

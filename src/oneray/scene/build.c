@@ -12,12 +12,48 @@ typedef struct {
     Description *description;
     int default_material;                         /* of shapes without a bsdf, once one needs it */
     const Node *environment;                      /* the one that Mitsuba allows */
+    const char *sensor;                           /* that is asked for, by id or number, or NULL */
     const uint64_t *size;                         /* that the image shall have, or NULL */
+    Shape *shape;                                 /* that is being read, with what its element says */
+    Said *said;
 } Builder;
+
+/* An element, and what reads it. */
+typedef struct {
+    Builder *builder;
+    Node *node;
+    void (*read)(Builder *builder, Node *node);
+} Step;
+
+static void take_step(void *step)
+{
+    const Step *s = step;
+    s->read(s->builder, s->node);
+}
+
+/* Is the element right? What is wrong with it is said, and reading goes on. An element that is not there is right. */
+static bool reads(Builder *builder, void (*read)(Builder *, Node *), Node *node)
+{
+    Step step = {builder, node, read};
+    return !node || (!node->wrong && attempt(take_step, &step));
+}
+
+/* The same of one that many may refer to: what is wrong with it is said once. */
+static void read_once(Builder *builder, void (*read)(Builder *, Node *), Node *node)
+{
+    if (node->state == UNREAD) {
+        node->state = BEING_READ;
+        node->state = reads(builder, read, node) ? READ : WRONG;
+    }
+    if (node->state == WRONG)
+        give_up();
+}
 
 /* Which of the plugins the element's type means, or -1. */
 static int plugin_of(const Node *node, const Plugin *const *plugins, int count)
 {
+    if (node->wrong)
+        give_up();
     for (int i = 0; i < count; i++)
         if (plugins[i] && find_word(plugins[i]->types, attribute(node, "type")) >= 0)
             return i;
@@ -46,13 +82,15 @@ static void load_files(Description *d, void *to, const Said *said)
         File *file = (File *)((char *)to + said->fields[i].offset);
         file->bytes = read_file(file->name, MOST_MIB, &said->place[i], &file->size);
         d->hash = hash_bytes(d->hash, file->bytes, file->size);
-        PUSH(d->mesh_files, d->mesh_file_count, file->name);
+        PUSH(d->files, d->file_count, file->name);
     }
 }
 
 /* What a <ref> means, which must be of this tag; what is none means itself. */
 static Node *meant_by(const Builder *builder, Node *node, const char *tag)
 {
+    if (node->wrong)
+        give_up();
     if (strcmp(node->tag, "ref") != 0)
         return node;
     const char *id = attribute(node, "id");
@@ -105,16 +143,20 @@ static void read_only(Builder *builder, const Node *node, const Plugin *plugin, 
     read_plugin(builder, node, plugin, objects, to);
 }
 
+/* The first of these elements with this tag, or NULL. */
+static Node *first_of(Node *elements, const char *tag)
+{
+    while (elements && strcmp(elements->tag, tag) != 0)
+        elements = elements->next;
+    return elements;
+}
+
 /* The only child with this tag, or NULL. */
 static Node *only_child(const Node *node, const char *tag)
 {
-    Node *found = NULL;
-    for (Node *child = node->first; child; child = child->next) {
-        bool is = strcmp(child->tag, tag) == 0;
-        if (is && found)
-            fail(child, "a second <%s> in <%s>, the first is in line %d", tag, node->tag, found->line);
-        found = is ? child : found;
-    }
+    Node *found = first_of(node->first, tag), *second = found ? first_of(found->next, tag) : NULL;
+    if (second)
+        fail(second, "a second <%s> in <%s>, the first is in line %d", tag, node->tag, found->line);
     return found;
 }
 
@@ -123,17 +165,20 @@ static Node *only_child(const Node *node, const char *tag)
 static const Plugin *const textures[] = {[TEXTURE_NONE] = NULL, TEXTURES(PLUGIN)};
 
 /* Its number: one that several materials refer to becomes one texture. */
-static int read_texture(Builder *builder, Node *node)
+static void add_texture(Builder *builder, Node *node)
 {
     Description *d = builder->description;
     int kind = find_plugin(node, textures, COUNT(textures));
     Texture texture = {.kind = (TextureKind)kind, .line = node->line};
-    if (node->state == READ)
-        return node->front;
     read_plugin(builder, node, textures[kind], "", &texture.as);
     PUSH(d->textures, d->texture_count, texture);
-    node->state = READ;
-    return node->front = d->texture_count;
+    node->front = d->texture_count;
+}
+
+static int read_texture(Builder *builder, Node *node)
+{
+    read_once(builder, add_texture, node);
+    return node->front;
 }
 
 /* Materials. A bsdf that several shapes refer to becomes one material. */
@@ -157,7 +202,7 @@ static const Node *read_bsdf(Builder *builder, Node *node);
 /* L16 weight is the share of the second bsdf; each side of the surface has its own blend. */
 static void read_blend(Builder *builder, Node *node)
 {
-    Material blend = {.kind = MATERIAL_BLEND, .line = node->line};
+    Material blend = {.kind = MATERIAL_BLEND, .file = node->file, .line = node->line};
     const Node *parts[2];
     int count = 0;
     Said said = read_plugin(builder, node, &blend_plugin, "<bsdf>, <ref>", &blend.as.blend);
@@ -201,7 +246,8 @@ static void read_twosided(Builder *builder, Node *node)
 static void read_material(Builder *builder, Node *node)
 {
     int kind = find_plugin(node, bsdfs, COUNT(bsdfs));
-    Material material = {.kind = (MaterialKind)kind, .line = node->line};
+    Material material = {.kind = (MaterialKind)kind, .file = node->file, .line = node->line};
+    node->front = node->back = MATERIAL_NONE;
     if (kind == MATERIAL_BLEND) {
         read_blend(builder, node);
     } else if (kind == TWOSIDED) {
@@ -219,12 +265,7 @@ static const Node *read_bsdf(Builder *builder, Node *node)
     Node *bsdf = meant_by(builder, node, "bsdf");
     if (bsdf->state == BEING_READ)
         fail(node, "the bsdf contains itself");
-    if (bsdf->state == UNREAD) {
-        bsdf->state = BEING_READ;
-        bsdf->front = bsdf->back = MATERIAL_NONE;
-        read_material(builder, bsdf);
-        bsdf->state = READ;
-    }
+    read_once(builder, read_material, bsdf);
     return bsdf;
 }
 
@@ -237,7 +278,7 @@ static int read_emitter(Builder *builder, const Node *node, int shape)
 {
     Description *d = builder->description;
     int kind = shape < 0 ? find_plugin(node, emitters, COUNT(emitters)) : plugin_of(node, emitters, COUNT(emitters));
-    Emitter light = {.kind = (EmitterKind)kind, .line = node->line, .shape = shape};
+    Emitter light = {.kind = (EmitterKind)kind, .file = node->file, .line = node->line, .shape = shape};
     LightFrom from = kind < 0 ? FROM_POINT : emitter_traits(&light).from;
     if (shape >= 0 && from != FROM_SHAPE)
         fail(node, "%s cannot stand in a <shape>: only area does", describe(node));
@@ -258,8 +299,9 @@ static int read_emitter(Builder *builder, const Node *node, int shape)
 static const Plugin *const shapes[SHAPE_KINDS] = {FILE_SHAPES(SHAPE_PLUGIN)};
 
 /* Mitsuba's surfaces without a bsdf are a diffuse of reflectance 0.5, and lights without a bsdf black. */
-static void set_sides(Builder *builder, Node *node, Shape *shape)
+static void read_sides(Builder *builder, Node *node)
 {
+    Shape *shape = builder->shape;
     Node *bsdf = only_child(node, "bsdf"), *ref = only_child(node, "ref");
     if (bsdf && ref)
         fail(ref, "a second bsdf in <shape>, the first is in line %d", bsdf->line);
@@ -268,27 +310,43 @@ static void set_sides(Builder *builder, Node *node, Shape *shape)
         const Node *material = read_bsdf(builder, bsdf ? bsdf : ref);
         shape->front = material->front;
         shape->back = material->back;
-    } else if (!only_child(node, "emitter")) {
+    } else if (!first_of(node->first, "emitter")) {
         if (builder->default_material == MATERIAL_NONE) {
-            Material grey = {.kind = MATERIAL_DIFFUSE, .line = node->line, .as.diffuse = {{{.5, .5, .5}, {.5, .5, .5}, 0, NULL}}};
+            Material grey = {.kind = MATERIAL_DIFFUSE, .file = node->file, .line = node->line, .as.diffuse = {{{.5, .5, .5}, {.5, .5, .5}, 0, NULL}}};
             builder->default_material = add_material(builder->description, grey);
         }
         shape->front = builder->default_material;
     }
 }
 
+static void read_form(Builder *builder, Node *node)
+{
+    int kind = find_plugin(node, shapes, COUNT(shapes));
+    builder->shape->kind = (ShapeKind)kind;
+    *builder->said = read_plugin(builder, node, shapes[kind], "<bsdf>, <ref>, <emitter>", &builder->shape->as);
+}
+
+static void read_shine(Builder *builder, Node *node)
+{
+    Node *emitter = only_child(node, "emitter");
+    if (emitter)
+        builder->shape->emitter = read_emitter(builder, emitter, builder->description->shape_count);
+}
+
 static void read_shape(Builder *builder, Node *node)
 {
     Description *d = builder->description;
-    int kind = find_plugin(node, shapes, COUNT(shapes));
-    Shape shape = {.kind = (ShapeKind)kind, .line = node->line, .emitter = -1};
-    Said said = read_plugin(builder, node, shapes[kind], "<bsdf>, <ref>, <emitter>", &shape.as);
-    Node *emitter = only_child(node, "emitter");
-    set_sides(builder, node, &shape);
-    if (emitter)
-        shape.emitter = read_emitter(builder, emitter, d->shape_count);
+    Shape shape = {.file = node->file, .line = node->line, .emitter = -1};
+    Said said;
+    builder->shape = &shape;
+    builder->said = &said;
+    bool right = reads(builder, read_form, node);
+    right &= reads(builder, read_sides, node);
+    right &= reads(builder, read_shine, node);
+    if (!right)
+        give_up();
     if (said.left_out) {
-        warn("%s:%d: %s", node->file, node->line, said.left_out);
+        note(node, "%s", said.left_out);
         d->emitter_count -= shape.emitter >= 0;
         return;
     }
@@ -305,103 +363,286 @@ static void path_check(void *plugin, Said *said)
     const Description *d = plugin;
     if (d->max_depth == 0)
         fail(given(said, "max_depth"), "\"max_depth\" 0 is a black image: -1 is without limit, 1 emission only");
+    if (strcmp(said->type, "path") != 0)
+        note(said, "<integrator type=\"%s\"> is rendered as path, which has the same mean", said->type);
 }
 
-static const Plugin path = {"path", path_check, {
+static void direct_check(void *plugin, Said *said)
+{
+    Description *d = plugin;
+    const Place *samples = given(said, "shading_samples");
+    if (samples && (given(said, "emitter_samples") || given(said, "bsdf_samples")))
+        fail(samples, "\"shading_samples\" is \"emitter_samples\" and \"bsdf_samples\": write it or these");
+    d->max_depth = 2;
+    d->rr_depth = 5;
+}
+
+#define SAMPLING_FIELDS                                                                                      \
+    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"},                      \
+    {"block_size", AS_INTEGER, LEFT_OUT, "[0,2147483647]", "0"},                                             \
+    {"samples_per_pass", AS_INTEGER, LEFT_OUT, "[-1,2147483647]", "-1"},                                     \
+    {"timeout", AS_FLOAT, LEFT_OUT, "(-inf,inf)", "-1"}
+
+static const Plugin path = {"path, volpath, volpathmis, prb, prbvolpath", path_check, {
     {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
     {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
-    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"}}};
-static const Plugin hdrfilm = {"hdrfilm", NULL, {
-    {"width", AS_INTEGER, offsetof(Sensor, width), "[1,65536]", "768"},
-    {"height", AS_INTEGER, offsetof(Sensor, height), "[1,65536]", "576"},
-    {"pixel_format", AS_WORD, NOWHERE, "rgb", "rgb"},
-    {"component_format", AS_WORD, NOWHERE, "float32", "float32"}}};
-static const Plugin box = {.types = "box"};
-static const Plugin independent = {"independent", NULL, {
-    {"sample_count", AS_INTEGER, offsetof(Description, sample_count), "[1,2147483647]", "4"}}};
+    {"use_spectral_mis", AS_BOOLEAN, LEFT_OUT, NULL, "true"},
+    SAMPLING_FIELDS}};
+static const Plugin direct = {"direct", direct_check, {
+    {"shading_samples", AS_INTEGER, LEFT_OUT, "[1,2147483647]", "1"},
+    {"emitter_samples", AS_INTEGER, LEFT_OUT, "[1,2147483647]", "1"},
+    {"bsdf_samples", AS_INTEGER, LEFT_OUT, "[1,2147483647]", "1"},
+    SAMPLING_FIELDS}};
+static const Plugin around = {"aov, moment", NULL, { /* an integrator, whose picture is the mean */
+    {"aovs", AS_STRING, LEFT_OUT, NULL, ""},
+    {"block_size", AS_INTEGER, LEFT_OUT, "[0,2147483647]", "0"},
+    {"samples_per_pass", AS_INTEGER, LEFT_OUT, "[-1,2147483647]", "-1"},
+    {"timeout", AS_FLOAT, LEFT_OUT, "(-inf,inf)", "-1"}}};
+static const Plugin *const integrators[] = {&path, &direct, &around};
+static const Plugin hdrfilm = {"hdrfilm, ldrfilm", NULL, {
+    {"width", AS_INTEGER, offsetof(Frame, film_width), "[1,65536]", "768"},
+    {"height", AS_INTEGER, offsetof(Frame, film_height), "[1,65536]", "576"},
+    {"crop_offset_x", AS_INTEGER, offsetof(Frame, x), "[0,65535]", "0"},
+    {"crop_offset_y", AS_INTEGER, offsetof(Frame, y), "[0,65535]", "0"},
+    {"crop_width", AS_INTEGER, offsetof(Frame, width), "[1,65536]", ""},
+    {"crop_height", AS_INTEGER, offsetof(Frame, height), "[1,65536]", ""},
+    {"pixel_format", AS_WORD, NOWHERE, "rgb, rgba", "rgb"},
+    {"component_format", AS_WORD, NOWHERE, "float32, float16", "float32"},
+    {"file_format", AS_STRING, LEFT_OUT, NULL, ""},
+    {"banner", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
+    {"compensate", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
+    {"sample_border", AS_BOOLEAN, offsetof(Frame, sample_border), NULL, "false"},
+    {"attach_log", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
+    {"gamma", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
+    {"exposure", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""}}};
+static const Plugin independent = {
+    "independent, stratified, multijitter, orthogonal, ldsampler, halton, hammersley, sobol", NULL, {
+    {"sample_count", AS_INTEGER, offsetof(Description, sample_count), "[1,2147483647]", "4"},
+    {"seed", AS_INTEGER, LEFT_OUT, "[0,2147483647]", "0"},
+    {"jitter", AS_BOOLEAN, LEFT_OUT, NULL, "true"},
+    {"strength", AS_INTEGER, LEFT_OUT, "[0,2147483647]", "2"},
+    {"dimension", AS_INTEGER, LEFT_OUT, "[0,2147483647]", "4"},
+    {"scramble", AS_INTEGER, LEFT_OUT, "[-1,2147483647]", "-1"}}};
 static const Plugin *const sensors[] = {SENSORS(PLUGIN)};
+static const Plugin *const filters[] = {FILTERS(PLUGIN)};
+
+static void read_integrator(Builder *builder, Node *node)
+{
+    const Plugin *plugin = integrators[find_plugin(node, integrators, COUNT(integrators))];
+    Node *inner = plugin == &around ? only_child(node, "integrator") : NULL;
+    bool right = reads(builder, read_integrator, inner);
+    read_plugin(builder, node, plugin, plugin == &around ? "<integrator>" : "", builder->description);
+    if (plugin == &around && !inner)
+        fail(node, "%s needs an <integrator type=\"path\"> inside, whose picture it renders", describe(node));
+    if (!right)
+        give_up();
+    if (plugin == &around)
+        note(node, "%s is rendered as what is inside: the picture has its mean alone", describe(node));
+}
 
 static double derived(double side) { return fmin(fmax(rint(side), 1), 1 << 28); }
 
 /* Another size; with one of the two the image keeps its shape. */
-static void set_size(Sensor *sensor, const uint64_t size[2])
+static void set_size(Frame *frame, const uint64_t size[2])
 {
-    double width = (double)size[0], height = (double)size[1], shape = (double)sensor->width / sensor->height;
+    double width = (double)size[0], height = (double)size[1], shape = (double)frame->film_width / frame->film_height;
     if (width > 0 || height > 0) {
-        sensor->width = (int)(width > 0 ? width : derived(height * shape));
-        sensor->height = (int)(height > 0 ? height : derived(width / shape));
+        frame->film_width = (int)(width > 0 ? width : derived(height * shape));
+        frame->film_height = (int)(height > 0 ? height : derived(width / shape));
     }
 }
 
-static void read_film(Builder *builder, const Node *node, Sensor *sensor)
+/* The part of the film that is rendered: all of it, if the file does not say. */
+static void set_crop(const Node *node, Frame *frame)
 {
-    read_only(builder, node, &hdrfilm, "<rfilter>", sensor);
-    if (builder->size)
-        set_size(sensor, builder->size);
-    if ((int64_t)sensor->width * sensor->height > 1 << 28)
-        fail(node, "%d x %d pixels are more than 2^28", sensor->width, sensor->height);
-    const Node *rfilter = only_child(node, "rfilter");
-    if (!rfilter)
-        fail(node, "<film> needs <rfilter type=\"box\"/> (Mitsuba's default, gaussian, is not supported)");
-    read_only(builder, rfilter, &box, "", NULL);
+    frame->width = frame->width ? frame->width : frame->film_width;
+    frame->height = frame->height ? frame->height : frame->film_height;
+    if (frame->x > frame->film_width - frame->width || frame->y > frame->film_height - frame->height)
+        fail(node, "the crop window, %d x %d pixels from (%d, %d) on, is not within the film, %d x %d pixels",
+             frame->width, frame->height, frame->x, frame->y, frame->film_width, frame->film_height);
+    if ((int64_t)frame->width * frame->height > 1 << 28)
+        fail(node, "%d x %d pixels are more than 2^28", frame->width, frame->height);
 }
 
-static void read_sensor(Builder *builder, const Node *node)
+static void read_film(Builder *builder, Node *node)
+{
+    read_only(builder, node, &hdrfilm, "<rfilter>", &builder->description->sensor.frame);
+    if (strcmp(attribute(node, "type"), "ldrfilm") == 0)
+        note(node, "<film type=\"ldrfilm\"> is read as hdrfilm: the picture has radiances (as a .png, sRGB)");
+}
+
+static void set_frame(const Builder *builder, const Node *node)
+{
+    Frame *frame = &builder->description->sensor.frame;
+    const uint64_t *size = builder->size;
+    if (size && (size[0] || size[1]) && (frame->x || frame->y || frame->width || frame->height))
+        fail(node, "--width and --height do not go with a crop window of the film (--crop does)");
+    if (size)
+        set_size(frame, size);
+    set_crop(node, frame);
+}
+
+/* The filter's table, and what of the film its reach adds to the picture. */
+static void set_filter(Sensor *sensor)
+{
+    Filter *filter = &sensor->filter;
+#define X(NAME, name, words)                                                                                 \
+    if (filter->kind == FILTER_##NAME)                                                                       \
+        filter->radius = name##_radius(&filter->as.name);
+    FILTERS(X)
+#undef X
+    filter_table(filter);
+    sensor->frame.border = sensor->frame.sample_border ? (int)fmax(0, ceil(filter->radius - .5)) : 0;
+}
+
+static void read_filter(Builder *builder, Node *node)
+{
+    Filter *filter = &builder->description->sensor.filter;
+    const char *type = attribute(node, "type");
+    if (find_word("mitchell, catmullrom, lanczos", type ? type : "") >= 0)
+        fail(node, "%s weighs some of the film below 0, so that no choice of samples can stand for it (box, tent, gaussian)",
+             describe(node));
+    filter->kind = (FilterKind)find_plugin(node, filters, COUNT(filters));
+    read_plugin(builder, node, filters[filter->kind], "", &filter->as);
+}
+
+static void read_sampler(Builder *builder, Node *node)
+{
+    read_only(builder, node, &independent, "", builder->description);
+    if (strcmp(attribute(node, "type"), "independent") != 0)
+        note(node, "%s is left out: samples are independent, or those of --sampler", describe(node));
+}
+
+static void read_view(Builder *builder, Node *node)
 {
     Sensor *sensor = &builder->description->sensor;
-    const Node *film = only_child(node, "film"), *sampler = only_child(node, "sampler");
     int kind = find_plugin(node, sensors, COUNT(sensors));
     sensor->kind = (SensorKind)kind;
+    sensor->file = node->file;
     sensor->line = node->line;
     read_plugin(builder, node, sensors[kind], "<film>, <sampler>", &sensor->as);
-    if (!film)
-        fail(node, "<sensor> needs a <film type=\"hdrfilm\"> with <rfilter type=\"box\"/>");
-    read_film(builder, film, sensor);
-    if (sampler)
-        read_only(builder, sampler, &independent, "", builder->description);
+}
+
+/* Without a film, or a filter, with Mitsuba's. */
+static void read_sensor(Builder *builder, Node *node)
+{
+    Sensor *sensor = &builder->description->sensor;
+    Node *film = only_child(node, "film");
+    sensor->frame = (Frame){.film_width = 768, .film_height = 576};
+    sensor->filter = (Filter){.kind = FILTER_GAUSSIAN, .as.gaussian = {.5}};
+    bool right = reads(builder, read_view, node);
+    right &= reads(builder, read_film, film);
+    right &= reads(builder, read_filter, film ? only_child(film, "rfilter") : NULL);
+    right &= reads(builder, read_sampler, only_child(node, "sampler"));
+    if (!right)
+        give_up();
+    set_frame(builder, film ? film : node);
+    set_filter(sensor);
+}
+
+/* A child of the scene that is a sensor, or refers to one. */
+static Node *sensor_of(Builder *builder, Node *child)
+{
+    Node *meant = strcmp(child->tag, "ref") == 0 && !child->wrong ? find_id(builder->file, attribute(child, "id")) : child;
+    return meant && strcmp(meant->tag, "sensor") == 0 ? meant : NULL;
+}
+
+/* The sensor that is asked for: by its id, or else its place among the scene's, as in Mitsuba. */
+static void choose_sensor(Builder *builder, Node *root)
+{
+    const char *wanted = builder->sensor ? builder->sensor : "0";
+    Node *chosen = builder->sensor ? find_id(builder->file, wanted) : NULL;
+    int count = 0;
+    Text names = {0};
+    chosen = chosen && strcmp(chosen->tag, "sensor") == 0 ? chosen : NULL;
+    for (Node *child = root->first; child; child = child->next) {
+        Node *sensor = sensor_of(builder, child);
+        Text number = {0};
+        if (!sensor)
+            continue;
+        append(&number, "%d", count++);
+        if (!chosen && strcmp(number.text, wanted) == 0)
+            chosen = sensor;
+        append_word(&names, attribute(sensor, "id") ? attribute(sensor, "id") : number.text);
+    }
+    if (!count)
+        fail(root, "<scene> needs a <sensor type=\"perspective\">");
+    if (!chosen)
+        die("--sensor %s: the scene has no such sensor (%s)", wanted, names.text);
+    if (count > 1 && !builder->sensor)
+        note(chosen, "of %d sensors this one is rendered: --sensor ID|N takes another (%s)", count, names.text);
+    if (builder->sensor)
+        builder->description->hash = hash_bytes(builder->description->hash, wanted, strlen(wanted));
+    if (!reads(builder, read_sensor, chosen))
+        give_up();
 }
 
 /* The scene. */
 
-static void check_root(const Node *root)
+static void read_light(Builder *builder, Node *node) { read_emitter(builder, node, -1); }
+static void check_bsdf(Builder *builder, Node *node) { read_bsdf(builder, node); }
+static void check_texture(Builder *builder, Node *node) { read_texture(builder, node); }
+
+static void check_ref(Builder *builder, Node *node)
 {
-    int major, minor, patch;
-    char more;
+    const Node *found = find_id(builder->file, attribute(node, "id"));
+    if (!found)
+        fail(node, "<ref id=\"%.80s\"/>: nothing has this id", attribute(node, "id"));
+    if (!is_among(found, "<sensor>, <bsdf>, <texture>"))
+        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and in <scene> only a <sensor>, <bsdf> or <texture> can be referred to",
+             attribute(node, "id"), found->tag);
+}
+
+static void check_root(Builder *builder, Node *root)
+{
     Said said;
-    const char *version = attribute(root, "version");
-    if (strcmp(root->tag, "scene") != 0)
-        fail(root, "the outermost element must be <scene version=\"3.0.0\">, not <%s>", root->tag);
-    if (strspn(version, "0123456789.") != strlen(version)
-        || sscanf(version, "%2d.%4d.%4d%c", &major, &minor, &patch, &more) != 3 || major != 3)
-        fail(root, "scene version \"%.80s\" is not supported (3.0.0, or another 3.x.y)", version);
-    read_fields(root, &(Field){0}, "<default>, <integrator>, <sensor>, <bsdf>, <texture>, <shape>, <emitter>", NULL, &said);
-    if (!only_child(root, "integrator"))
-        fail(root, "<scene> needs an <integrator type=\"path\"> with its max_depth");
-    if (!only_child(root, "sensor"))
-        fail(root, "<scene> needs a <sensor type=\"perspective\">");
+    (void)builder;
+    read_fields(root, &(Field){0}, "<default>, <path>, <alias>, <integrator>, <sensor>, <bsdf>, <texture>, <shape>, <emitter>, <ref>",
+        NULL, &said);
+}
+
+/* Mitsuba has no integrator then, and renders nothing. */
+static void check_integrator(Builder *builder, Node *root)
+{
+    Description *d = builder->description;
+    if (only_child(root, "integrator"))
+        return;
+    note(root, "<scene> has no <integrator>: it is rendered by <integrator type=\"path\"/>, without a max_depth");
+    d->max_depth = -1;
+    d->rr_depth = 5;
+}
+
+typedef struct {
+    const char *tag;
+    void (*read)(Builder *builder, Node *node);
+} ScenePart;
+
+/* The children of the scene, in their order, as far as they are one of the parts. */
+static void read_parts(Builder *builder, Node *root, const ScenePart *parts)
+{
+    for (Node *child = root->first; child; child = child->next)
+        for (const ScenePart *part = parts; part->tag; part++)
+            if (strcmp(child->tag, part->tag) == 0)
+                reads(builder, part->read, child);
 }
 
 static void read_scene(Builder *builder, Node *root)
 {
+    static const ScenePart seen[] = {{"integrator", read_integrator}, {"shape", read_shape}, {"emitter", read_light},
+        {"ref", check_ref}, {NULL, NULL}};
+    static const ScenePart named[] = {{"bsdf", check_bsdf}, {"texture", check_texture}, {NULL, NULL}};
     Description *d = builder->description;
-    check_root(root);
-    for (Node *child = root->first; child; child = child->next) {
-        if (strcmp(child->tag, "integrator") == 0)
-            read_only(builder, child, &path, "", d);
-        else if (strcmp(child->tag, "sensor") == 0)
-            read_sensor(builder, child);
-        else if (strcmp(child->tag, "shape") == 0)
-            read_shape(builder, child);
-        else if (strcmp(child->tag, "emitter") == 0)
-            read_emitter(builder, child, -1);
-    }
+    if (strcmp(root->tag, "scene") != 0)
+        fail(root, "the outermost element must be <scene version=\"3.0.0\">, not <%s>", root->tag);
+    root->wrong = false; /* what is, was said */
+    reads(builder, check_root, root);
+    reads(builder, check_integrator, root);
+    reads(builder, choose_sensor, root);
+    read_parts(builder, root, seen);
     int used_materials = d->material_count;       /* what no shape uses is checked and left out */
-    for (Node *child = root->first; child; child = child->next)
-        if (strcmp(child->tag, "bsdf") == 0)
-            read_bsdf(builder, child);
-        else if (strcmp(child->tag, "texture") == 0)
-            read_texture(builder, child);
+    read_parts(builder, root, named);
     d->material_count = used_materials;
+    end_if_wrong();
 }
 
 /* Squares of lengths are wanted, so that half the exponents of a double are for lengths. */
@@ -421,30 +662,35 @@ static void check_box(const char *file, int line, const double low[3], const dou
     }
 }
 
-static void check_lengths(const Description *d, const char *file)
+static void check_lengths(const Description *d)
 {
     SensorTraits sensor = sensor_traits(&d->sensor);
-    check_box(file, d->sensor.line, sensor.origin, sensor.origin);
-    check_length(file, d->sensor.line, sensor.farthest);
+    check_box(d->sensor.file, d->sensor.line, sensor.origin, sensor.origin);
+    check_length(d->sensor.file, d->sensor.line, sensor.farthest);
     for (int i = 0; i < d->shape_count; i++) {
         Extent extent = shape_extent(&d->shapes[i]);
-        check_box(file, d->shapes[i].line, extent.low, extent.high);
+        check_box(d->shapes[i].file, d->shapes[i].line, extent.low, extent.high);
     }
     for (int i = 0; i < d->emitter_count; i++) {
         const double *position = emitter_traits(&d->emitters[i]).position;
         if (position)
-            check_box(file, d->emitters[i].line, position, position);
+            check_box(d->emitters[i].file, d->emitters[i].line, position, position);
     }
 }
 
-Description *description_read(const char *file, const Parameter *given, int count, const uint64_t size[2])
+Description *description_read(const char *file, const Parameter *given, int count, const char *sensor,
+    const uint64_t size[2])
 {
     SceneFile *scene = scene_file_open(file, given, count);
     Description *d = allocate(1, sizeof *d);
     *d = (Description){.sample_count = 4, .hash = scene->hash};
-    Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE, .size = size};
+    Builder builder = {.file = scene, .description = d, .default_material = MATERIAL_NONE, .sensor = sensor,
+        .size = size};
+    for (int i = 0; i < scene->included_count; i++)
+        PUSH(d->files, d->file_count, scene->included[i]);
+    scene->included_count = 0; /* the description has them now */
     read_scene(&builder, scene->root);
-    check_lengths(d, file);
+    check_lengths(d);
     scene_file_close(scene);
     d->mesh_tree = mesh_tree_build(&d->mesh);
     d->hinted = scene_hints(d, file);

@@ -53,7 +53,7 @@ EmitterTraits emitter_traits(const Emitter *emitter)
 
 SensorTraits sensor_traits(const Sensor *s)
 {
-#define X(NAME, name, words) if (s->kind == SENSOR_##NAME) return name##_traits(&s->as.name, s->width, s->height);
+#define X(NAME, name, words) if (s->kind == SENSOR_##NAME) return name##_traits(&s->as.name, &s->frame);
     SENSORS(X)
 #undef X
     return (SensorTraits){.farthest = 0};
@@ -119,9 +119,9 @@ void description_free(Description *description)
     free(description->emitters);
     mesh_free(&description->mesh);
     mesh_tree_free(&description->mesh_tree);
-    for (int i = 0; i < description->mesh_file_count; i++)
-        free(description->mesh_files[i]);
-    free(description->mesh_files);
+    for (int i = 0; i < description->file_count; i++)
+        free(description->files[i]);
+    free(description->files);
     free(description->stacks.of);
     free(description->stacks.layer);
     free(description->stacks.up);

@@ -2,6 +2,7 @@
    Every default is Mitsuba 3's. Lengths are in the scene's own unit. */
 #pragma once
 
+#include "filters/filter.h"
 #include "kinds.h"
 #include "kinds/emitters.h"
 #include "kinds/materials.h"
@@ -23,6 +24,7 @@ typedef struct {
 
 typedef struct {
     MaterialKind kind;
+    const char *file; /* with line, where it stands */
     int line;
     union {
         MATERIALS(X)
@@ -40,6 +42,7 @@ typedef struct {
 
 typedef struct {
     ShapeKind kind; /* never ALIGNED */
+    const char *file; /* with line, where it stands */
     int line;
     int front, back; /* index into materials, or MATERIAL_NONE, by side of the normal */
     int emitter;     /* index into emitters, or -1 */
@@ -51,6 +54,7 @@ typedef struct {
 
 typedef struct {
     EmitterKind kind;
+    const char *file; /* with line, where it stands */
     int line;
     int shape; /* that shines: index into shapes, or -1 */
     union {
@@ -60,8 +64,10 @@ typedef struct {
 
 typedef struct {
     SensorKind kind;
+    const char *file; /* with line, where it stands */
     int line;
-    int width, height; /* of the film, pixels */
+    Frame frame;
+    Filter filter;
     union {
         SENSORS(X)
     } as;
@@ -89,8 +95,8 @@ typedef struct {
     int shape_count;
     Mesh mesh;         /* the triangles of all meshes, one after the other */
     MeshTree mesh_tree;
-    char **mesh_files; /* that were read */
-    int mesh_file_count;
+    char **files; /* that were read besides the scene's */
+    int file_count;
     Emitter *emitters;
     int emitter_count;
     Stacks stacks;
@@ -104,10 +110,11 @@ typedef struct {
     bool used, declared; /* the scene uses it; has a <default> for it */
 } Parameter;
 
-/* Reads FILE or ends the program with one line "FILE:LINE: …" on standard error and exit status 2. `size` is
-   what the image's width and height shall be instead of the file's; 0 or NULL: the file's, or as the other one
-   demands. */
-Description *description_read(const char *file, const Parameter *given, int count, const uint64_t size[2]);
+/* Reads FILE or ends the program with a line "FILE:LINE: …" on standard error for each error, and exit status 2. `sensor`
+   is the id or number of the sensor to see by; NULL: the first. `size` is what the image's width and height shall be
+   instead of the file's; 0 or NULL: the file's, or as the other one demands. */
+Description *description_read(const char *file, const Parameter *given, int count, const char *sensor,
+    const uint64_t size[2]);
 void description_free(Description *description);
 
 /* NAME_… of a kind's file answers. */

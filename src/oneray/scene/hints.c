@@ -110,9 +110,8 @@ bool scene_hints(const Description *d, const char *file)
         if (!shows_back_alone(d, &d->shapes[i], &eye))
             continue;
         hinted = true;
-        warn("%s:%d: from the camera this shape shows its back alone, which is black: put its bsdf into "
-             "<bsdf type=\"twosided\">, or set flip_normals",
-            file, d->shapes[i].line);
+        note(&d->shapes[i], "from the camera this shape shows its back alone, which is black: put its bsdf into "
+             "<bsdf type=\"twosided\">, or set flip_normals");
     }
     return hinted;
 }

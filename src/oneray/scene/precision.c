@@ -61,7 +61,7 @@ static double reach_of(const Description *d, double *extent)
 static bool odd_sensor(const Sensor *sensor, Reason reason)
 {
     double pixel = sensor_traits(sensor).pixel;
-    if (sensor->width > WIDEST_IMAGE || sensor->height > WIDEST_IMAGE)
+    if (sensor->frame.width > WIDEST_IMAGE || sensor->frame.height > WIDEST_IMAGE)
         return because(reason, "an image of more than %d pixels a side", WIDEST_IMAGE);
     return pixel < SMALLEST_PIXEL && because(reason, "a pixel of %.1g radians", pixel);
 }
@@ -212,7 +212,7 @@ void refuse_beyond_single(const Description *d, const char *file)
         for (int c = 0; c < 3; c++) {
             double emission = emitter_traits(&d->emitters[i]).emission[c];
             if (!(emission <= SINGLE_BRIGHTEST))
-                die_at(file, d->emitters[i].line, "--precision single: a light of %.1g, beyond %g (auto takes double)",
+                fail(&d->emitters[i], "--precision single: a light of %.1g, beyond %g (auto takes double)",
                     emission, SINGLE_BRIGHTEST);
         }
 }

@@ -251,8 +251,8 @@ static void warn_of_order(Finder *finder, const Facet *a, const Facet *b)
         || !face_alike(finder, a, b) || apart_in_file(a, b))
         return;
     bool first = comes_first(finder, a, b);
-    int front = d->shapes[first ? a->shape : b->shape].line,
-        behind = d->shapes[first ? b->shape : a->shape].line;
+    const Shape *one = &d->shapes[first ? a->shape : b->shape];
+    int front = one->line, behind = d->shapes[first ? b->shape : a->shape].line;
     for (int i = 0; i < finder->warnings; i++)
         if (finder->warned[i][0] == front && finder->warned[i][1] == behind)
             return;
@@ -260,9 +260,8 @@ static void warn_of_order(Finder *finder, const Facet *a, const Facet *b)
         return;
     finder->warned[finder->warnings][0] = front;
     finder->warned[finder->warnings++][1] = behind;
-    warn("%s:%d: this surface and that of line %d are in one place, face the same way and differ: this one is taken to "
-         "be in front",
-        finder->file, front, behind);
+    note(one, "this surface and that of line %d are in one place, face the same way and differ: this one is taken to be in front",
+         behind);
 }
 
 static int32_t root_of(int32_t *parent, int32_t i)

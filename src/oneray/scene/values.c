@@ -1,4 +1,5 @@
 /* The properties of an element, by a table of fields: numbers, words, transforms, and their ranges. */
+#include "scene/cie.h"
 #include "scene/xml.h"
 
 #include <ctype.h>
@@ -20,8 +21,9 @@ static const struct {
     int numbers;
 } kinds[] = {
     [AS_FLOAT] = {"<float> or <integer>", 1}, [AS_IOR] = {"<float>, <integer> or <string>", 1},
-    [AS_COLOUR] = {"<rgb>, <float> or <integer>", 3},
-    [AS_REFLECTANCE] = {"<rgb>, <float>, <integer>, <texture> or <ref>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
+    [AS_COLOUR] = {"<rgb>, <spectrum>, <float> or <integer>", 3},
+    [AS_EMISSION] = {"<rgb>, <spectrum>, <float> or <integer>", 3},
+    [AS_REFLECTANCE] = {"<rgb>, <spectrum>, <float>, <integer>, <texture> or <ref>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
     [AS_INTEGER] = {"<integer>", 0}, [AS_BOOLEAN] = {"<boolean>", 0}, [AS_STRING] = {"<string>", 0},
     [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0}};
 
@@ -118,8 +120,8 @@ static bool parse_boolean(const Node *node, const char *text)
 
 /* Transforms: each element acts on what those before it made, Mitsuba's order. */
 
-/* Rodrigues: R = cosθ I + sinθ [a]× + (1 − cosθ) a aᵀ. Mitsuba does not normalise the axis a, and what it
-   makes of any other than a unit vector is no rotation: that is refused. */
+/* Rodrigues: R = cosθ I + sinθ [a]× + (1 − cosθ) a aᵀ. Mitsuba does not normalise the axis a, and of any other than a
+   unit vector that is no rotation. */
 static Affine parse_rotate(const Node *node)
 {
     double a[3] = {0, 0, 0};
@@ -127,8 +129,11 @@ static Affine parse_rotate(const Node *node)
     parse_xyz(node, attribute(node, "value"), false, a);
     double degrees = parse_number(node, text, strlen(text)), angle = degrees * PI / 180;
     double size = sqrt(dot(a, a));
+    if (size == 0)
+        fail(node, "<rotate> needs an axis: x, y and z, or value=\"x y z\"");
     if (fabs(size - 1) > 1e-3)
-        fail(node, "<rotate>: the axis must have length 1, not %g (Mitsuba does not normalise it)", size);
+        note(node, "<rotate>: the axis has length %g: as in Mitsuba, which does not normalise it, that is no rotation; "
+             "length 1 is", size);
     double c = cos(angle), s = sin(angle);
     if (fmod(degrees, 90) == 0) {               /* quarter turns are exact: the axes stay axes */
         c = nearbyint(c);
@@ -210,6 +215,8 @@ static Affine parse_transform(const Node *node)
     Affine result = affine_identity();
     double size = 1;
     for (const Node *step = node->first; step; step = step->next) {
+        if (step->wrong)
+            give_up();
         if (step->first)
             fail(step->first, "<%s> cannot stand in <%s>", step->first->tag, step->tag);
         result = affine_multiply(parse_step(step), result);
@@ -245,6 +252,81 @@ static int parse_word(const Node *node, const Field *field, const char *text)
     return found;
 }
 
+/* Spectra, as Mitsuba's rgb variants take them: their sRGB, of light, or of a surface or medium in the light of D65. */
+
+static const double srgb_of_xyz[3][3] = {
+    {3.240479, -1.537150, -.498535}, {-.969256, 1.875991, .041556}, {.055648, -.204043, 1.057311}};
+
+static void xyz_to_rgb(const double xyz[3], double rgb[3])
+{
+    for (int i = 0; i < 3; i++)
+        rgb[i] = dot(srgb_of_xyz[i], xyz);
+}
+
+/* The i-th sample of a table at the wavelength, linear between them. */
+static double at_wavelength(const double *table, double wavelength)
+{
+    double t = (wavelength - CIE_FIRST) * ((CIE_COUNT - 1) / (CIE_LAST - CIE_FIRST));
+    int i = t < CIE_COUNT - 2 ? (int)t : CIE_COUNT - 2;
+    return table[i] * (1 - (t - i)) + table[i + 1] * (t - i);
+}
+
+/* ∫ x̄ S (D65) dλ and so on over the interval from one wavelength to the next, by Mitsuba's thousand steps. */
+static void add_interval(const double from[2], const double to[2], bool lit, double xyz[3])
+{
+    const int steps = 1000;
+    const double step = (CIE_LAST - CIE_FIRST) / (steps - 1);
+    for (int i = (int)fmax(0, ceil((from[0] - CIE_FIRST) / step - 1)); i < steps; i++) {
+        double w = CIE_FIRST + i * step, light = lit ? at_wavelength(cie_d65, w) : 1;
+        if (w >= to[0] && !(w == to[0] && to[0] >= CIE_LAST))
+            break;
+        if (w >= from[0])
+            for (int c = 0; c < 3; c++)
+                xyz[c] += at_wavelength(cie_xyz[c], w) * light
+                          * ((w - to[0]) * from[1] + (from[0] - w) * to[1]) / (from[0] - to[0]);
+    }
+}
+
+/* value="400:0.1, 700:0.2", wavelengths in nm and values that are linear between, or one for all. */
+static void parse_spectrum(const Node *node, const char *text, FieldKind kind, double rgb[3])
+{
+    double last[2] = {0, 0}, xyz[3] = {1, 1, 1};
+    if (!strchr(text, ':')) {
+        double all = parse_number(node, text, strlen(text));
+        xyz_to_rgb(xyz, rgb);
+        for (int c = 0; c < 3; c++)
+            rgb[c] = kind == AS_EMISSION ? all * rgb[c] : all;
+        return;
+    }
+    memset(xyz, 0, sizeof xyz);
+    int count = 0;
+    for (text += strspn(text, SEPARATORS); *text; text += strspn(text, SEPARATORS), count++) {
+        size_t length = strcspn(text, SEPARATORS), name = strcspn(text, ":");
+        if (name >= length)
+            fail(node, "\"%.*s\" is not wavelength:value", (int)(length < 80 ? length : 80), text);
+        double pair[2] = {parse_number(node, text, name), parse_number(node, text + name + 1, length - name - 1)};
+        if (count && pair[0] <= last[0])
+            fail(node, "<spectrum>: wavelengths must increase, and %g is not more than %g", pair[0], last[0]);
+        if (count)
+            add_interval(last, pair, kind != AS_EMISSION, xyz);
+        memcpy(last, pair, sizeof last);
+        text += length;
+    }
+    if (count < 2)
+        fail(node, "<spectrum> needs two pairs wavelength:value, or one number");
+    for (int c = 0; c < 3; c++)
+        xyz[c] *= (CIE_LAST - CIE_FIRST) * CIE_Y_NORMALIZATION / 1000;
+    xyz_to_rgb(xyz, rgb);
+    bool inside = true;
+    for (int c = 0; c < 3; c++) {
+        double in = fmax(0, kind == AS_REFLECTANCE ? fmin(1, rgb[c]) : rgb[c]);
+        inside = inside && in == rgb[c];
+        rgb[c] = in;
+    }
+    if (!inside)
+        note(node, "this spectrum is beyond what red, green and blue can be, and cut off there, as by Mitsuba");
+}
+
 /* Indices of refraction by Mitsuba's names, at 589.3 nm. */
 static const struct {
     const char *name;
@@ -271,21 +353,12 @@ static double parse_ior(const Node *node, const char *text)
     fail(node, "no medium is called \"%.80s\" (%s)", text, list.text);
 }
 
-/* The name of a file that the scene names: relative to the scene's folder. */
-static char *parse_path(const Node *node, const char *name)
+/* One number, <rgb> with one or three, or a <spectrum>. */
+static void parse_colour(const Node *node, const char *text, FieldKind kind, double colour[3])
 {
-    Text path = {0};
-    const char *slash = strrchr(node->file, '/');
-    if (*name != '/' && slash)
-        append(&path, "%.*s/", (int)(slash - node->file), node->file);
-    append(&path, "%s", name);
-    return path.text;
-}
-
-/* One number, or <rgb> with one or three. */
-static void parse_colour(const Node *node, const char *text, double colour[3])
-{
-    if (gives(node, AS_FLOAT))
+    if (strcmp(node->tag, "spectrum") == 0)
+        parse_spectrum(node, text, kind, colour);
+    else if (gives(node, AS_FLOAT))
         colour[0] = colour[1] = colour[2] = parse_real(node, text);
     else
         parse_triple(node, "value", text, true, colour);
@@ -295,13 +368,14 @@ static void parse_colour(const Node *node, const char *text, double colour[3])
 static void read_value(const Node *node, const Field *field, const char *text, void *plugin)
 {
     Affine nowhere;
-    void *to = field->offset == NOWHERE ? (void *)&nowhere : (char *)plugin + field->offset;
+    void *to = field->offset >= LEFT_OUT ? (void *)&nowhere : (char *)plugin + field->offset;
     switch (field->kind) {
     case AS_FLOAT: *(double *)to = parse_real(node, text); break;
     case AS_IOR: *(double *)to = parse_ior(node, text); break;
-    case AS_COLOUR: parse_colour(node, text, to); break;
+    case AS_COLOUR:
+    case AS_EMISSION: parse_colour(node, text, field->kind, to); break;
     case AS_REFLECTANCE:
-        parse_colour(node, text, ((Reflectance *)to)->most);
+        parse_colour(node, text, field->kind, ((Reflectance *)to)->most);
         memcpy(((Reflectance *)to)->least, ((Reflectance *)to)->most, sizeof((Reflectance *)to)->least);
         break;
     case AS_VECTOR: parse_xyz(node, text, true, to); break;
@@ -310,12 +384,15 @@ static void read_value(const Node *node, const Field *field, const char *text, v
     case AS_STRING: *(const char **)to = text; break;
     case AS_WORD: *(int *)to = parse_word(node, field, text); break;
     case AS_TRANSFORM: *(Affine *)to = parse_transform(node); break;
-    case AS_FILE: ((File *)to)->name = parse_path(node, text); break;
+    case AS_FILE: ((File *)to)->name = find_file(node->scene, text); break;
     }
     if (field->range && field->kind == AS_INTEGER)
         check_range(node, field, *(int *)to);
     for (int i = 0; field->range && i < kinds[field->kind].numbers; i++)
         check_range(node, field, ((double *)to)[i]);
+    bool left_out = field->offset == LEFT_OUT || (field->offset == NOWHERE && *(int *)to != 0);
+    if (left_out && attribute(node, "name"))
+        note(node, "\"%s\" = \"%.80s\" is left out: it changes no mean of a pixel", field->name, text);
 }
 
 static void read_default(const Node *node, const Field *field, void *plugin)
@@ -326,7 +403,7 @@ static void read_default(const Node *node, const Field *field, void *plugin)
              field->name);
     if (field->kind == AS_TRANSFORM)
         *(Affine *)((char *)plugin + field->offset) = affine_identity();
-    else if (*field->otherwise)
+    else if (*field->otherwise && field->offset < LEFT_OUT)
         read_value(node, field, field->otherwise, plugin);
 }
 
@@ -335,7 +412,7 @@ static const char *taken(const Field *fields, const char *objects)
 {
     Text list = {0};
     for (; fields->name; fields++)
-        append_word(&list, fields->name);
+        append_word(&list, fields->offset == LEFT_OUT ? "" : fields->name);
     append_word(&list, objects);
     return list.length ? list.text : "none";
 }
@@ -362,29 +439,54 @@ static const Field *find_field(const Node *child, const Field *fields, const cha
     fail(child, "%s has no property \"%.80s\" (%s)", describe(child->parent), name, taken(fields, objects));
 }
 
+/* What is read of an element: a child, or what holds without a child for the field. */
+typedef struct {
+    Node *child;
+    const Node *node;
+    const Field *fields, *field;
+    const char *objects;
+    void *to;
+    Said *said;
+} Reading;
+
+static void read_child(void *reading)
+{
+    const Reading *r = reading;
+    Node *child = r->child;
+    const Field *field = find_field(child, r->fields, r->objects);
+    if (!field)
+        return;
+    Place *place = &r->said->place[field - r->fields];
+    if (place->line)
+        fail(child, "\"%s\" is given twice, first in line %d", field->name, place->line);
+    *place = (Place){child->file, child->line};
+    if (!gives(child, field->kind))
+        fail(child, "\"%s\" must be given as %s, not as <%s>", field->name, kinds[field->kind].elements, child->tag);
+    bool instead = is_among(child, INSTEAD_OF_COLOUR);
+    if (child->first && field->kind != AS_TRANSFORM && !instead)
+        fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);
+    if (instead)
+        ((Reflectance *)(void *)((char *)r->to + field->offset))->element = child;
+    else
+        read_value(child, field, attribute(child, "value"), r->to);
+}
+
+static void read_missing(void *reading)
+{
+    const Reading *r = reading;
+    read_default(r->node, r->field, r->to);
+}
+
 void read_fields(const Node *node, const Field *fields, const char *objects, void *to, Said *said)
 {
+    Reading reading = {NULL, node, fields, NULL, objects, to, said};
+    bool right = true;
     *said = (Said){.file = node->file, .line = node->line, .type = attribute(node, "type"), .fields = fields};
-    for (Node *child = node->first; child; child = child->next) {
-        const Field *field = find_field(child, fields, objects);
-        if (!field)
-            continue;
-        Place *place = &said->place[field - fields];
-        if (place->line)
-            fail(child, "\"%s\" is given twice, first in line %d", field->name, place->line);
-        if (!gives(child, field->kind))
-            fail(child, "\"%s\" must be given as %s, not as <%s>", field->name, kinds[field->kind].elements,
-                 child->tag);
-        bool instead = is_among(child, INSTEAD_OF_COLOUR);
-        if (child->first && field->kind != AS_TRANSFORM && !instead)
-            fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);
-        *place = (Place){child->file, child->line};
-        if (instead)
-            ((Reflectance *)(void *)((char *)to + field->offset))->element = child;
-        else
-            read_value(child, field, attribute(child, "value"), to);
-    }
-    for (const Field *field = fields; field->name; field++)
-        if (!said->place[field - fields].line)
-            read_default(node, field, to);
+    for (reading.child = node->first; reading.child; reading.child = reading.child->next)
+        right &= !reading.child->wrong && attempt(read_child, &reading);
+    for (reading.field = fields; right && reading.field->name; reading.field++)
+        if (!said->place[reading.field - fields].line)
+            right &= attempt(read_missing, &reading);
+    if (!right)
+        give_up();
 }

@@ -6,9 +6,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 /* A <default> may use those before it, so that values could double with every line: there are bounds. */
-enum { MAX_NESTING = 32, MAX_MIB = 64, MAX_DEFAULTS = 1024, MAX_VALUE = 1 << 16 };
+enum { MAX_NESTING = 32, MAX_MIB = 64, MAX_DEFAULTS = 1024, MAX_VALUE = 1 << 16, MAX_INCLUDED = 64, MAX_ALIASES = 32 };
 static const char NAME_CHARACTERS[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
 
 /* The attributes that elements may have; so many of the first they must have. */
@@ -19,6 +20,10 @@ static const struct {
     {"<scene>", "version", 1},
     {"<default>, <float>, <integer>, <boolean>, <string>, <rgb>", "name, value", 2},
     {"<ref>", "id, name", 1},
+    {"<alias>", "id, as", 2},
+    {"<include>", "filename, name", 1},
+    {"<path>", "value", 1},
+    {"<spectrum>", "name, value", 2},
     {"<integrator>, <sensor>, <film>, <rfilter>, <sampler>, <bsdf>, <texture>, <shape>, <emitter>",
      "type, id, name", 1},
     {"<point>, <vector>", "name, value, x, y, z", 1},
@@ -67,6 +72,13 @@ static char *copy(const char *text)
 typedef struct {
     const char *file;
     XML_Parser parser;
+    int major;                                    /* of its version */
+    int depth;                                    /* elements that are open around it */
+    const char *name;                             /* that its root gets from the <include>, or NULL */
+} Input;
+
+typedef struct {
+    Input in;
     SceneFile *scene;
     Node *open;                                   /* the innermost element that is not closed yet */
     int depth;
@@ -75,7 +87,7 @@ typedef struct {
     size_t expanded;                              /* bytes of all values, $parameters replaced */
 } Reader;
 
-static int line_of(const Reader *reader) { return (int)XML_GetCurrentLineNumber(reader->parser); }
+static int line_of(const Reader *reader) { return (int)XML_GetCurrentLineNumber(reader->in.parser); }
 
 static const char *defaults_list(const Reader *reader)
 {
@@ -173,46 +185,167 @@ static void add_default(Reader *reader, const Node *node)
 
 static void add_id(SceneFile *scene, Node *node)
 {
-    if (!attribute(node, "id") || strcmp(node->tag, "ref") == 0)
+    const char *id = attribute(node, strcmp(node->tag, "alias") == 0 ? "as" : "id");
+    if (!id || strcmp(node->tag, "ref") == 0)
         return;
-    if (!*attribute(node, "id"))
+    if (!*id)
         fail(node, "the id of <%s> is empty", node->tag);
-    PUSH(scene->by_id, scene->id_count, node);
+    Id one = {id, node};
+    PUSH(scene->ids, scene->id_count, one);
 }
+
+/* Mitsuba's names of today for those of version 0: "toWorld" is "to_world". */
+static void rename_property(const Reader *reader, const Node *node, char **name)
+{
+    const Node *parent = reader->open;
+    Text new = {0};
+    for (const char *c = *name; *c; c++) {
+        bool word = c > *name && islower((unsigned char)c[-1]) && isupper((unsigned char)*c);
+        append(&new, word ? "_%c" : "%c", word ? tolower((unsigned char)*c) : *c);
+        while (word && isupper((unsigned char)c[1]))
+            append(&new, "%c", tolower((unsigned char)*++c));
+    }
+    if (!new.length || strcmp(node->tag, "default") == 0)
+        return;
+    free(*name);
+    *name = new.text;
+    const char *type = parent ? attribute(parent, "type") : NULL;
+    if (type && strcmp(type, "diffuse") == 0 && strcmp(*name, "diffuse_reflectance") == 0)
+        memmove(*name, "reflectance", sizeof "reflectance");
+}
+
+/* An element that was opened, and the texts of its attributes. */
+typedef struct {
+    Reader *reader;
+    Node *node;
+    const char **attributes;
+} Opened;
+
+/* Is the element that was opened last the root of its file? */
+static bool is_root(const Reader *reader) { return reader->depth == reader->in.depth + 1; }
+
+/* What makes the root of an included file an element like others: no version, and the name that the <include> gives. */
+static void set_root(Reader *reader, Node *node)
+{
+    size_t kept = 0;
+    for (char **at = node->attributes; *at; at += 2) {
+        bool drop = strcmp(at[0], "version") == 0 || (reader->in.name && strcmp(at[0], "name") == 0);
+        if (drop)
+            free(at[0]), free(at[1]);
+        else
+            node->attributes[kept] = at[0], node->attributes[kept + 1] = at[1], kept += 2;
+    }
+    if (reader->in.name)
+        node->attributes[kept] = copy("name"), node->attributes[kept + 1] = copy(reader->in.name), kept += 2;
+    node->attributes[kept] = NULL;
+}
+
+static void read_version(Reader *reader, const Node *node)
+{
+    int minor, patch;
+    char more;
+    const char *version = attribute(node, "version");
+    if (!version)
+        fail(node, "<%s> lacks the attribute \"version\"", node->tag);
+    if (strspn(version, "0123456789.") != strlen(version)
+        || sscanf(version, "%2d.%4d.%4d%c", &reader->in.major, &minor, &patch, &more) != 3 || reader->in.major > 3)
+        fail(node, "scene version \"%.80s\" is not supported (3.0.0, or another of 0.x.y to 3.x.y)", version);
+}
+
+static void read_attributes(void *opened)
+{
+    Reader *reader = ((Opened *)opened)->reader;
+    Node *node = ((Opened *)opened)->node;
+    const char **given = ((Opened *)opened)->attributes;
+    for (size_t i = 0; given[i]; i++)
+        node->attributes[i] = i % 2 ? substitute(reader, node, given[i]) : copy(given[i]);
+    if (is_root(reader) && (reader->in.depth || strcmp(node->tag, "scene") == 0))
+        read_version(reader, node);
+    if (is_root(reader) && reader->in.depth && strcmp(node->tag, "scene") != 0)
+        set_root(reader, node);
+    for (char **at = node->attributes; *at && reader->in.major < 2; at += 2)
+        if (strcmp(at[0], "name") == 0)
+            rename_property(reader, node, &at[1]);
+    if (strcmp(node->tag, "lookAt") == 0) {
+        strcpy(node->tag, "lookat");
+        note(node, "<lookAt> is read as <lookat>, which Mitsuba 3 wants");
+    }
+    for (int i = 0; i < COUNT(tags); i++)         /* of an unknown element its parent says what it takes */
+        if (is_among(node, tags[i].elements))
+            check_attributes(node, tags[i].attributes, tags[i].needed);
+    add_id(reader->scene, node);
+    if (strcmp(node->tag, "default") == 0)
+        add_default(reader, node);
+}
+
+static void free_node(Node *node)
+{
+    for (Node *next; node; node = next) {
+        next = node->next;
+        free_node(node->first);
+        for (char **at = node->attributes; *at; at++)
+            free(*at);
+        free(node->attributes);
+        free(node->tag);
+        free(node);
+    }
+}
+
+static void put_under(Node *parent, Node *node)
+{
+    if (parent->last)
+        parent->last = parent->last->next = node;
+    else
+        parent->last = parent->first = node;
+}
+
+/* Its children go where the <include> stands. */
+static bool is_included_scene(const Reader *reader, const char *tag)
+{
+    return reader->in.depth && is_root(reader) && strcmp(tag, "scene") == 0;
+}
+
+static void include(Reader *reader, const Node *node);
+static void add_folder(Reader *reader, const Node *node);
 
 static void XMLCALL on_start(void *data, const char *tag, const char **attributes)
 {
     Reader *reader = data;
     Node *node = allocate(1, sizeof *node);
-    *node = (Node){.file = reader->file, .line = line_of(reader), .tag = copy(tag), .parent = reader->open};
+    *node = (Node){.file = reader->in.file, .line = line_of(reader), .tag = copy(tag), .parent = reader->open,
+        .scene = reader->scene};
     if (++reader->depth > MAX_NESTING)
         fail(node, "elements are nested more than %d deep", MAX_NESTING);
     size_t count = 0;
     while (attributes[count])
         count++;
-    node->attributes = allocate(count + 1, sizeof *node->attributes);
-    for (size_t i = 0; i < count; i++)
-        node->attributes[i] = i % 2 ? substitute(reader, node, attributes[i]) : copy(attributes[i]);
-    for (int i = 0; i < COUNT(tags); i++)         /* of an unknown element its parent says what it takes */
-        if (is_among(node, tags[i].elements))
-            check_attributes(node, tags[i].attributes, tags[i].needed);
-    add_id(reader->scene, node);
+    node->attributes = allocate(count + 3, sizeof *node->attributes);
+    Opened opened = {reader, node, attributes};
+    node->wrong = !attempt(read_attributes, &opened);
+    if (is_included_scene(reader, tag)) {
+        free_node(node);
+        return;
+    }
     if (!node->parent)
         reader->scene->root = node;
-    else if (node->parent->last)
-        node->parent->last = node->parent->last->next = node;
-    else
-        node->parent->last = node->parent->first = node;
+    else if (strcmp(tag, "include") != 0)
+        put_under(node->parent, node);
     reader->open = node;
-    if (strcmp(tag, "default") == 0)
-        add_default(reader, node);
 }
 
 static void XMLCALL on_end(void *data, const char *tag)
 {
     Reader *reader = data;
-    (void)tag;
-    reader->open = reader->open->parent;
+    if (!is_included_scene(reader, tag)) {
+        Node *node = reader->open;
+        reader->open = node->parent;
+        if (!node->wrong && strcmp(tag, "path") == 0)
+            add_folder(reader, node);
+        if (!node->wrong && strcmp(tag, "include") == 0)
+            include(reader, node);
+        if (strcmp(tag, "include") == 0 && node->parent)
+            free_node(node);
+    }
     reader->depth--;
 }
 
@@ -221,7 +354,7 @@ static void XMLCALL on_text(void *data, const char *text, int length)
     Reader *reader = data;
     for (int i = 0; i < length; i++)
         if (!strchr(" \t\r\n", text[i]))
-            die_at(reader->file, line_of(reader), "text between the elements: values stand in attributes");
+            die_at(reader->in.file, line_of(reader), "text between the elements: values stand in attributes");
 }
 
 static void XMLCALL on_doctype(void *data, const char *name, const char *system, const char *public,
@@ -229,7 +362,7 @@ static void XMLCALL on_doctype(void *data, const char *name, const char *system,
 {
     Reader *reader = data;
     (void)name, (void)system, (void)public, (void)has_subset;
-    die_at(reader->file, line_of(reader),
+    die_at(reader->in.file, line_of(reader),
            "a DOCTYPE is not supported (for values that vary: <default> and $name)");
 }
 
@@ -244,7 +377,7 @@ char *read_file(const char *file, size_t most_mib, const Place *named_by, size_t
         got = fread(bytes + *size, 1, room - *size, stream);
         if ((*size + got + (1 << 20) - 1) >> 20 > most_mib)
             die("%s: larger than %zu MiB, which is the limit for a %s file", file, most_mib,
-                named_by ? "mesh" : "scene");
+                most_mib == MAX_MIB ? "scene" : "mesh");
     }
     if ((!stream || ferror(stream)) && named_by)
         fail(named_by, "%s: %s", file, strerror(errno));
@@ -272,32 +405,41 @@ static int by_name(const void *a, const void *b)
 
 static int by_id_then_line(const void *a, const void *b)
 {
-    const Node *p = *(Node *const *)a, *q = *(Node *const *)b;
-    int order = strcmp(attribute(p, "id"), attribute(q, "id"));
-    return order ? order : (p->line > q->line) - (p->line < q->line);
+    const Id *p = a, *q = b;
+    int order = strcmp(p->name, q->name);
+    return order ? order : (p->node->line > q->node->line) - (p->node->line < q->node->line);
+}
+
+static void check_id(void *ids)
+{
+    const Id *first = ids, *second = first + 1;
+    if (strcmp(first->name, second->name) == 0)
+        fail(second->node, "the id \"%.80s\" is already that of <%s> in line %d", second->name, first->node->tag,
+             first->node->line);
+    if (strcmp(second->node->tag, "alias") == 0 && !find_id(second->node->scene, second->name))
+        fail(second->node, "<alias id=\"%.80s\"/>: nothing has this id", attribute(second->node, "id"));
 }
 
 static void sort_ids(SceneFile *scene)
 {
-    if (scene->id_count)
-        qsort(scene->by_id, (size_t)scene->id_count, sizeof *scene->by_id, by_id_then_line);
+    Id none = {"", scene->root};                  /* which no element has */
+    PUSH(scene->ids, scene->id_count, none);
+    qsort(scene->ids, (size_t)scene->id_count, sizeof *scene->ids, by_id_then_line);
     for (int i = 1; i < scene->id_count; i++)
-        if (strcmp(attribute(scene->by_id[i - 1], "id"), attribute(scene->by_id[i], "id")) == 0)
-            fail(scene->by_id[i], "the id \"%.80s\" is already that of <%s> in line %d",
-                 attribute(scene->by_id[i], "id"), scene->by_id[i - 1]->tag, scene->by_id[i - 1]->line);
+        attempt(check_id, &scene->ids[i - 1]);
 }
 
-static int by_this_id(const void *id, const void *node)
-{
-    return strcmp(id, attribute(*(Node *const *)node, "id"));
-}
+static int by_this_id(const void *id, const void *one) { return strcmp(id, ((const Id *)one)->name); }
 
 Node *find_id(const SceneFile *scene, const char *id)
 {
-    Node **found = NULL;
-    if (scene->id_count)
-        found = bsearch(id, scene->by_id, (size_t)scene->id_count, sizeof *found, by_this_id);
-    return found ? *found : NULL;
+    for (int aliases = 0; *id && aliases < MAX_ALIASES; aliases++) {
+        const Id *found = bsearch(id, scene->ids, (size_t)scene->id_count, sizeof *found, by_this_id);
+        if (!found || strcmp(found->node->tag, "alias") != 0)
+            return found ? found->node : NULL;
+        id = attribute(found->node, "id");
+    }
+    return NULL;
 }
 
 /* The parameters given are part of the hash in the order of their names: that of the command line does not count. */
@@ -316,24 +458,106 @@ static void take_given(Reader *reader, const Parameter *given, int count)
     }
 }
 
-SceneFile *scene_file_open(const char *file, const Parameter *given, int count)
+/* Reads the reader's file, which a place names, or the command line. */
+static void parse(Reader *reader, const Place *named_by)
 {
     size_t size;
-    char *bytes = read_file(file, MAX_MIB, NULL, &size);
-    SceneFile *scene = allocate(1, sizeof *scene);
-    scene->hash = hash_bytes(0xcbf29ce484222325u, bytes, size);
-    Reader reader = {.file = file, .scene = scene, .parser = XML_ParserCreate(NULL)};
-    take_given(&reader, given, count);
-    if (!reader.parser)
+    char *bytes = read_file(reader->in.file, MAX_MIB, named_by, &size);
+    reader->scene->hash = hash_bytes(reader->scene->hash, bytes, size);
+    reader->expanded += named_by ? size : 0;
+    if (reader->expanded >> 20 >= MAX_MIB)
+        die("%s: with what it includes, larger than %d MiB", reader->in.file, MAX_MIB);
+    reader->in.parser = XML_ParserCreate(NULL);
+    if (!reader->in.parser)
         die("out of memory");
-    XML_SetUserData(reader.parser, &reader);
-    XML_SetElementHandler(reader.parser, on_start, on_end);
-    XML_SetCharacterDataHandler(reader.parser, on_text);
-    XML_SetStartDoctypeDeclHandler(reader.parser, on_doctype);
-    if (XML_Parse(reader.parser, bytes, (int)size, 1) == XML_STATUS_ERROR)
-        die_at(file, line_of(&reader), "XML error: %s", XML_ErrorString(XML_GetErrorCode(reader.parser)));
-    XML_ParserFree(reader.parser);
+    XML_SetUserData(reader->in.parser, reader);
+    XML_SetElementHandler(reader->in.parser, on_start, on_end);
+    XML_SetCharacterDataHandler(reader->in.parser, on_text);
+    XML_SetStartDoctypeDeclHandler(reader->in.parser, on_doctype);
+    if (XML_Parse(reader->in.parser, bytes, (int)size, 1) == XML_STATUS_ERROR)
+        die_at(reader->in.file, line_of(reader), "XML error: %s", XML_ErrorString(XML_GetErrorCode(reader->in.parser)));
+    XML_ParserFree(reader->in.parser);
     free(bytes);
+}
+
+/* Of a file, with the / behind it; "" is the working folder. */
+static char *folder_of(const char *file)
+{
+    Text folder = {0};
+    const char *slash = strrchr(file, '/');
+    append(&folder, "%.*s", slash ? (int)(slash + 1 - file) : 0, file);
+    return folder.text;
+}
+
+static char *in_folder(const char *folder, const char *name)
+{
+    Text path = {0};
+    append(&path, "%s%s", *name == '/' ? "" : folder, name);
+    return path.text;
+}
+
+char *find_file(const SceneFile *scene, const char *name)
+{
+    for (int i = scene->folder_count - 1; i > 0; i--) {
+        char *path = in_folder(scene->folders[i], name);
+        if (access(path, F_OK) == 0)
+            return path;
+        free(path);
+    }
+    return in_folder(scene->folders[0], name);
+}
+
+/* <path>: where else files may be; relative to the folder of its own file. */
+static void add_folder(Reader *reader, const Node *node)
+{
+    SceneFile *scene = reader->scene;
+    Text folder = {0};
+    char *own = folder_of(reader->in.file), *beside = in_folder(own, attribute(node, "value"));
+    free(own);
+    if (reader->open && reader->open->parent)
+        fail(node, "<path> must stand directly in <scene>");
+    if (access(beside, F_OK) != 0) {
+        free(beside);
+        beside = find_file(scene, attribute(node, "value"));
+    }
+    if (access(beside, F_OK) != 0)
+        fail(node, "<path value=\"%.80s\"/>: there is no such folder", attribute(node, "value"));
+    append(&folder, "%s/", beside);
+    free(beside);
+    PUSH(scene->folders, scene->folder_count, folder.text);
+}
+
+/* The elements of another file's <scene>, or another root, take the place of the <include>, whose name the latter gets. Its
+   $parameters hold from there on, its <path>s and its version in it only. */
+static void include(Reader *reader, const Node *node)
+{
+    SceneFile *scene = reader->scene;
+    Input outer = reader->in;
+    int folders = scene->folder_count;
+    if (node->first)
+        fail(node->first, "<%s> cannot stand in <include>", node->first->tag);
+    if (scene->included_count == MAX_INCLUDED)
+        fail(node, "more than %d files are included, or one includes itself", MAX_INCLUDED);
+    char *folder = folder_of(reader->in.file);
+    PUSH(scene->folders, scene->folder_count, folder);
+    char *file = find_file(scene, attribute(node, "filename"));
+    PUSH(scene->included, scene->included_count, file);
+    reader->in = (Input){file, NULL, outer.major, reader->depth, attribute(node, "name")};
+    parse(reader, &(Place){node->file, node->line});
+    while (scene->folder_count > folders)
+        free(scene->folders[--scene->folder_count]);
+    reader->in = outer;
+}
+
+SceneFile *scene_file_open(const char *file, const Parameter *given, int count)
+{
+    SceneFile *scene = allocate(1, sizeof *scene);
+    Reader reader = {.in = {.file = file, .major = 3}, .scene = scene};
+    char *folder = folder_of(file);
+    PUSH(scene->folders, scene->folder_count, folder);
+    scene->hash = 0xcbf29ce484222325u;
+    take_given(&reader, given, count);
+    parse(&reader, NULL);
     for (int i = 0; i < count; i++)
         if (!parameter_at(&reader, given[i].name)->used)
             die("-D%s=%s: the scene uses no parameter \"%s\" (it has: %s)", given[i].name, given[i].value,
@@ -342,22 +566,13 @@ SceneFile *scene_file_open(const char *file, const Parameter *given, int count)
     return scene;
 }
 
-static void free_node(Node *node)
-{
-    for (Node *next; node; node = next) {
-        next = node->next;
-        free_node(node->first);
-        for (char **at = node->attributes; *at; at++)
-            free(*at);
-        free(node->attributes);
-        free(node->tag);
-        free(node);
-    }
-}
-
 void scene_file_close(SceneFile *scene)
 {
     free_node(scene->root);
-    free(scene->by_id);
+    free(scene->ids);
+    for (int i = 0; i < scene->folder_count; i++)
+        free(scene->folders[i]);
+    free(scene->folders);
+    free(scene->included);
     free(scene);
 }

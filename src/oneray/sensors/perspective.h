@@ -3,22 +3,45 @@
 
 #include "fields.h"
 #include "traits.h"
+#include "text.h"
 #include "vectors.h"
 
 typedef struct perspective {
     double fov;   /* degrees, that the image spans along … */
     int fov_axis; /* … the x or the y axis, the diagonal, the smaller or the larger side */
+    const char *focal_length; /* mm of a film of 36 x 24 mm, "50mm" */
+    double principal_point[2]; /* what the image is moved by, to the left and up, in images */
     double near_clip, far_clip;
     Affine to_world; /* camera space to world: looks along +z, +x is to the LEFT, +y up */
 } Perspective;
 
 enum { FOV_X, FOV_Y, FOV_DIAGONAL, FOV_SMALLER, FOV_LARGER };
 
+/* Degrees along the diagonal of the film. */
+static inline double focal_length_fov(const char *text, const Place *place)
+{
+    double mm;
+    size_t length = strlen(text);
+    if (length > 2 && strcmp(text + length - 2, "mm") == 0)
+        length -= 2;
+    if (length >= 64 || !is_number(text, length, &mm) || !(mm > 1e-6 && mm < 1e6))
+        fail(place, "\"focal_length\" = \"%.80s\" is not a number of millimetres, as \"50mm\" is", text);
+    return 360 / PI * atan(hypot(36, 24) / (2 * mm));
+}
+
 static inline void perspective_check(void *plugin, Said *said)
 {
-    const Perspective *s = plugin;
-    if (!given(said, "fov"))
-        fail(said, "<sensor> needs a field of view: <float name=\"fov\" value=\"40\"/>, in degrees");
+    Perspective *s = plugin;
+    const Place *length = given(said, "focal_length"), *axis = given(said, "fov_axis");
+    if (!given(said, "fov")) {
+        if (axis)
+            fail(axis, "\"fov_axis\" goes with \"fov\", in degrees, which is not given");
+        s->fov = focal_length_fov(s->focal_length, length);
+        s->fov_axis = FOV_DIAGONAL;
+    } else if (length) {
+        fail(length, "<sensor> has \"fov\" and \"focal_length\": write one or the other");
+    }
+    s->focal_length = NULL;
     if (s->near_clip >= s->far_clip)
         fail(said, "\"near_clip\" is %g and must be less than \"far_clip\", %g", s->near_clip, s->far_clip);
     if (fabs(affine_uniform_scale(&s->to_world, 1e-3) - 1) > 1e-3)
@@ -26,14 +49,22 @@ static inline void perspective_check(void *plugin, Said *said)
 }
 static const Plugin perspective_plugin = {"perspective", perspective_check, {
     {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},
+    {"focal_length", AS_STRING, offsetof(Perspective, focal_length), NULL, "50mm"},
+    {"principal_point_offset_x", AS_FLOAT, offsetof(Perspective, principal_point[0]), "[-100,100]", ""},
+    {"principal_point_offset_y", AS_FLOAT, offsetof(Perspective, principal_point[1]), "[-100,100]", ""},
+    {"focus_distance", AS_FLOAT, LEFT_OUT, "(0,inf)", ""},
+    {"shutter_open", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
+    {"shutter_close", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
     {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x, y, diagonal, smaller, larger", "x"},
     {"near_clip", AS_FLOAT, offsetof(Perspective, near_clip), "(0,inf)", ".01"},
     {"far_clip", AS_FLOAT, offsetof(Perspective, far_clip), "(0,inf)", "1e4"},
     {"to_world", AS_TRANSFORM, offsetof(Perspective, to_world), NULL, ""}}};
 
-/* Half extents of an image of this aspect, width over height, at distance 1. */
-static inline void perspective_extent(const Perspective *s, double aspect, double half[2])
+/* Half extents of the picture at distance 1, and where its left and upper edge is, in these, to the left and up. */
+static inline void perspective_frame(const Perspective *s, const Frame *f, double half[2], double edge[2])
 {
+    const double film[2] = {f->film_width, f->film_height}, picture[2] = {f->width, f->height}, begins[2] = {f->x, f->y};
+    double aspect = film[0] / film[1];
     bool along_x = s->fov_axis == FOV_X || s->fov_axis == (aspect > 1 ? FOV_LARGER : FOV_SMALLER);
     half[0] = tan(s->fov * PI / 360);
     if (s->fov_axis == FOV_DIAGONAL)
@@ -41,17 +72,24 @@ static inline void perspective_extent(const Perspective *s, double aspect, doubl
     else if (!along_x && aspect != 1)
         half[0] *= aspect;
     half[1] = half[0] / aspect;
+    for (int i = 0; i < 2; i++) {
+        double share = picture[i] / film[i];
+        half[i] *= share;
+        edge[i] = (1 - 2 * (begins[i] / film[i] + s->principal_point[i])) / share;
+    }
 }
 
-static inline SensorTraits perspective_traits(const Perspective *s, int width, int height)
+static inline SensorTraits perspective_traits(const Perspective *s, const Frame *frame)
 {
     SensorTraits traits = {.farthest = s->far_clip};
-    double half[2];
-    perspective_extent(s, (double)width / height, half);
+    double half[2], edge[2];
+    perspective_frame(s, frame, half, edge);
     column(&s->to_world, 3, traits.origin);
     column(&s->to_world, 2, traits.axis);
     normalise(traits.axis);
-    traits.pixel = fmin(2 * half[0] / width, 2 * half[1] / height);
+    traits.pixel = fmin(2 * half[0] / frame->width, 2 * half[1] / frame->height);
+    for (int i = 0; i < 2; i++)
+        half[i] *= fmax(fabs(edge[i]), fabs(edge[i] - 2)) + 2.0 * frame->border / (i ? frame->height : frame->width);
     traits.cosine = 1 / hypot(1, hypot(half[0], half[1]));
     return traits;
 }
@@ -66,14 +104,16 @@ typedef struct perspective_row {
         forward[3]; /* left and up reach the edges of the image at forward's distance 1 */
     Num near_clip, far_clip;
     Num pixel_width, pixel_height; /* in units of the half image: 2/width, 2/height */
+    Num a, b;                      /* of the picture's left and upper edge, along left and up */
+    Num from[2], to[2];            /* of the film's right and lower edge, and of its left and upper edge */
     Num to_left[3], to_up[3];      /* left and up over their squared lengths: a point's place in the image */
     Num film_area;                 /* of the image at forward's distance 1 */
 } PerspectiveRow;
 
-static inline void perspective_row(const Perspective *perspective, int width, int height, PerspectiveRow *camera)
+static inline void perspective_row(const Perspective *perspective, const Frame *frame, PerspectiveRow *camera)
 {
-    double extent[3] = {0, 0, 1}, axis[3], out[3], back[3];
-    perspective_extent(perspective, (double)width / height, extent);
+    double extent[3] = {0, 0, 1}, edge[2], axis[3], out[3], back[3];
+    perspective_frame(perspective, frame, extent, edge);
     column(&perspective->to_world, 3, axis);
     store(camera->origin, axis);
     for (int j = 0; j < 3; j++) {
@@ -90,8 +130,15 @@ static inline void perspective_row(const Perspective *perspective, int width, in
     }
     camera->near_clip = (Num)perspective->near_clip;
     camera->far_clip = (Num)perspective->far_clip;
-    camera->pixel_width = (Num)(2.0 / width);
-    camera->pixel_height = (Num)(2.0 / height);
+    camera->pixel_width = (Num)(2.0 / frame->width);
+    camera->pixel_height = (Num)(2.0 / frame->height);
+    camera->a = (Num)edge[0];
+    camera->b = (Num)edge[1];
+    for (int i = 0; i < 2; i++) {
+        double border = 2.0 * frame->border / (i ? frame->height : frame->width);
+        camera->from[i] = (Num)(edge[i] - 2 - border);
+        camera->to[i] = (Num)(edge[i] + border);
+    }
     camera->film_area = (Num)(4 * extent[0] * extent[1]);
 }
 
@@ -99,7 +146,7 @@ static inline void perspective_row(const Perspective *perspective, int width, in
    plane and ends on the far plane, as Mitsuba's does. */
 STAGE Ray perspective_ray(const PerspectiveRow *camera, Real x, Real y)
 {
-    Real a = real(1) - x * real(camera->pixel_width), b = real(1) - y * real(camera->pixel_height);
+    Real a = real(camera->a) - x * real(camera->pixel_width), b = real(camera->b) - y * real(camera->pixel_height);
     Vec d = vec_add(vec_of(camera->forward),
         vec_add(vec_scale(vec_of(camera->left), a), vec_scale(vec_of(camera->up), b)));
     Ray ray = {
@@ -121,11 +168,11 @@ INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p)
     eye.to_near = eye.distance * (real(1) - real(camera->near_clip) * inverse_z);
     Real a = vec_dot(from_eye, vec_of(camera->to_left)) * inverse_z;
     Real b = vec_dot(from_eye, vec_of(camera->to_up)) * inverse_z;
-    eye.x = (real(1) - a) / real(camera->pixel_width);
-    eye.y = (real(1) - b) / real(camera->pixel_height);
+    eye.x = (real(camera->a) - a) / real(camera->pixel_width);
+    eye.y = (real(camera->b) - b) / real(camera->pixel_height);
     eye.weight = eye.distance * inverse_z * inverse_z * inverse_z / real(camera->film_area);
-    eye.seen = (z > real(camera->near_clip)) & (z < real(camera->far_clip)) & (a > real(-1)) & (a <= real(1))
-               & (b > real(-1)) & (b <= real(1));
+    eye.seen = (z > real(camera->near_clip)) & (z < real(camera->far_clip)) & (a > real(camera->from[0]))
+               & (a <= real(camera->to[0])) & (b > real(camera->from[1])) & (b <= real(camera->to[1]));
     return eye;
 }
 

@@ -16,14 +16,14 @@ int main(int count, char **words)
 {
     Options options = options_read(count, words);
     Description *scene =
-        description_read(options.scene, options.parameters, options.parameter_count, options.size);
+        description_read(options.scene, options.parameters, options.parameter_count, options.sensor, options.size);
     options_check(&options, scene);
     if (!strcmp(options.precision, "auto"))
         options.precision =
             precision_for(scene, options.precision_reason, (int)sizeof options.precision_reason);
     const Kernel *kernel = options_kernel(&options);
     void *prepared = kernel->prepare(scene, &options.technique);
-    int width = scene->sensor.width, height = scene->sensor.height;
+    int width = scene->sensor.frame.width, height = scene->sensor.frame.height;
     size_t numbers = 3 * (size_t)width * (size_t)height;
     float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
     while (scanf("%" SCNu64 " %" SCNu64, &options.spp, &options.seed) == 2) {

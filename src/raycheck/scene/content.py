@@ -63,18 +63,23 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
     """What techniques need to know of a scene file; `parameters` replace its `<default>` values."""
     root = document.read(scene, parameters).resolved()
 
+    integrator, sensor = document.integrator(root.find("integrator")), document.sensor(root)
+
     def setting(kind: str, name: str, default: str) -> str:
-        element = root.find(f"./integrator/{kind}[@name='{name}']")
+        element = integrator.find(f"{kind}[@name='{name}']") if integrator is not None else None
         return element.get("value", "") if element is not None else default
 
+    direct = integrator is not None and integrator.get("type") == "direct"
     kinds = [emitter.get("type", "") for emitter in root.iter("emitter")]
     shining = [s.get("type", "") for s in root.iter("shape") if s.find("emitter") is not None]
     materials = {bsdf.get("type", "") for bsdf in root.iter("bsdf")}
-    filters = [rfilter.get("type") for rfilter in root.findall("./sensor/film/rfilter")]
+    filters = (
+        [rfilter.get("type") for rfilter in sensor.findall("film/rfilter")] if sensor is not None else []
+    )
     unbounded = re.search(r"^\s*Unbounded: ([-a-z, ]+):", "\n".join(document.comments(scene)), re.MULTILINE)
     return SceneContent(
         lights=len(kinds), delta_lights=sum(kind in DELTA_LIGHTS for kind in kinds),
-        max_depth=int(setting("integer", "max_depth", "-1")),
+        max_depth=2 if direct else int(setting("integer", "max_depth", "-1")),
         rr_depth=int(setting("integer", "rr_depth", "5")), sphere_lights=shining.count("sphere"),
         flat_lights=sum(kind in FLAT for kind in shining), faces=sum(kind in MANY_FACES for kind in shining),
         specular=bool(materials & SPECULAR),

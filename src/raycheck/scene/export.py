@@ -7,10 +7,12 @@ only, and reflects there only unless its material is `two_sided`; a sphere's nor
 edges, linear in between, and a sphere its axes x, y, z: u is the angle around z from x in turns, v that from
 +z in half turns. Of a disk u is the distance from the center in radii, v the angle from axis_u to axis_v in
 turns. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m². Camera rays
-meet what is between `near_clip` and `far_clip` deep along the view.
+meet what is between `near_clip` and `far_clip` deep along the view. Without a `filter` a pixel is the mean
+over its own square.
 """
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +88,8 @@ def needs(data: dict[str, Any]) -> list[str]:
         words.append("area light")
     if any(data["sky"]):
         words.append("sky")
+    if "filter" in data["camera"]:
+        words.append("reconstruction filter")
     depth = data["max_depth"]
     words.append("bounces without limit" if depth == -1 else f"paths of {depth} segments")
     return words
@@ -116,6 +120,7 @@ def _camera(camera: Camera) -> dict[str, Any]:
         **{name: _numbers(way) for name, way in zip(names, ways, strict=True)},
         "near_clip": camera.near_clip,
         "far_clip": camera.far_clip,
+        **({} if camera.filter.is_pixel else {"filter": asdict(camera.filter)}),
     }
 
 

@@ -22,7 +22,8 @@ from raycheck.scene.document import Element, place
 TABLES = Path(__file__).with_name("plugins.json")
 
 LARGEST = 1e300
-_TRIPLES = ("colour", "reflectance", "vector")
+CIE = Path(__file__).with_name("cie.json")
+_TRIPLES = ("colour", "emission", "reflectance", "vector")
 INSTEAD = ("texture", "ref")
 """Elements that may stand for a colour."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -220,6 +221,8 @@ def _parsed(at: Element, kind: str, text: str, field: dict[str, Any]) -> Any:
         if text not in mediums:
             fail(at, f'no medium is called "{text}" ({", ".join(mediums)})')
         return mediums[text]
+    if at.tag == "spectrum":
+        return _spectrum(at, text, kind)
     if kind in _TRIPLES:
         return _triple(at, "value", text, at.tag != "float")
     return _number(at, text.strip(" "))
@@ -256,6 +259,40 @@ def _triple(at: Element, name: str, text: str, three: bool = True, one: bool = T
         wanted = "one or three numbers are" if one and three else "three numbers are" if three else "one is"
         fail(at, f'<{at.tag} {name}="{text}">: {wanted} wanted')
     return np.broadcast_to([_number(at, word) for word in words], 3).copy()
+
+
+_RGB_OF_XYZ = np.array(
+    [[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]]
+)
+_STEPS = 1000
+"""Mitsuba's, over the wavelengths of the tables."""
+
+
+def _spectrum(at: Element, text: str, kind: str) -> Array:
+    """(3,) sRGB of "wavelength:value, …" in nm, or of one value for all, as Mitsuba's rgb variants have it:
+    of light, or of a surface or medium in the light of D65.
+    """
+    if ":" not in text:
+        return np.full(3, _number(at, text.strip(" "))) * (
+            _RGB_OF_XYZ.sum(axis=1) if kind == "emission" else 1
+        )
+    pairs = [word.split(":", 1) for word in re.split(r"[ ,]+", text.strip(" ,"))]
+    if len(pairs) < 2 or any(len(pair) < 2 for pair in pairs):
+        fail(at, "<spectrum> needs pairs wavelength:value, two at least, or one number")
+    given, values = np.array([[_number(at, word) for word in pair] for pair in pairs]).T
+    if (np.diff(given) <= 0).any():
+        fail(at, "<spectrum>: wavelengths must increase")
+    tables = json.loads(CIE.read_text(encoding="utf-8"))
+    first, last = tables["first"], tables["last"]
+    wavelengths = np.linspace(first, last, _STEPS)
+    grid = np.linspace(first, last, len(tables["d65"]))
+    within = (wavelengths >= given[0]) & (wavelengths <= given[-1])
+    seen = np.interp(wavelengths, given, values) * within
+    if kind != "emission":
+        seen *= np.interp(wavelengths, grid, tables["d65"])
+    xyz = [(np.interp(wavelengths, grid, one) * seen).sum() for one in tables["xyz"]]
+    rgb = _RGB_OF_XYZ @ xyz * (last - first) * tables["y_normalization"] / _STEPS
+    return np.asarray(np.clip(rgb, 0, 1 if kind == "reflectance" else None), dtype=np.float64)
 
 
 def xyz(element: Element, otherwise: float | None = None) -> Array:
@@ -323,11 +360,11 @@ def _step(step: Element) -> Array:
 
 
 def _rotation(step: Element) -> Array:
-    """Rodrigues' formula; quarter turns are exact."""
+    """Rodrigues' formula; quarter turns are exact. As in Mitsuba, an axis of any length stays as it is."""
     axis, degrees = xyz(step, 0.0), _number(step, step.attrib["angle"].strip(" "))
     size = float(np.linalg.norm(axis))
-    if abs(size - 1) > 1e-3:
-        fail(step, f"<rotate>: the axis must have length 1, not {size:g} (Mitsuba does not normalise it)")
+    if size == 0:
+        fail(step, '<rotate> needs an axis: x, y and z, or value="x y z"')
     cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     if math.fmod(degrees, 90) == 0:
         cosine, sine = round(cosine), round(sine)

@@ -6,7 +6,7 @@ Defaults and parameters are put in first, so that every number is the one that a
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -67,6 +67,22 @@ class Spot:
 
 
 @dataclass(frozen=True)
+class Filter:
+    """What a pixel's film is weighed by around its middle, along x and along y: `box`, `tent` or `gaussian`,
+    which is exp(-x²/2σ²) - exp(-8); sizes in pixels. A border of pixels around the picture counts, too.
+    """
+
+    kind: str = "box"
+    radius: float = 0.5
+    border: int = 0
+
+    @property
+    def is_pixel(self) -> bool:
+        """The mean over a pixel's own square, which Mitsuba takes any filter of this radius for."""
+        return self.radius == 0.5
+
+
+@dataclass(frozen=True)
 class Camera:
     """A pinhole: `to_world` (4, 4) with the view along +z and the image's right along −x, as in Mitsuba.
 
@@ -80,6 +96,10 @@ class Camera:
     near_clip: float = 0.01
     """With `far_clip`, depths along the view between which the camera sees."""
     far_clip: float = 1e4
+    edge: tuple[float, float] = (1.0, 1.0)
+    """Of the image's left and upper edge, in halves of the image to the left of and above the view's axis."""
+
+    filter: Filter = Filter()
 
     @property
     def origin(self) -> Array:
@@ -87,8 +107,8 @@ class Camera:
 
     def directions(self, x: Array, y: Array) -> Array:
         """Unit vectors (…, 3) through film positions x, y (…) in pixels from the top left corner."""
-        right = (1 - 2 * x / self.width) * self.tan_x
-        up = (1 - 2 * y / self.height) * self.tan_x * self.height / self.width
+        right = (self.edge[0] - 2 * x / self.width) * self.tan_x
+        up = (self.edge[1] - 2 * y / self.height) * self.tan_x * self.height / self.width
         local = np.stack([right, up, np.ones_like(right)], axis=-1)
         world = local @ self.to_world[:3, :3].T
         return np.asarray(world / np.linalg.norm(world, axis=-1, keepdims=True))
@@ -97,8 +117,8 @@ class Camera:
         """Film positions (x, y) of points (…, 3) in pixels; NaN for points behind the camera."""
         local = (points - self.origin) @ np.linalg.inv(self.to_world[:3, :3]).T
         depth = np.where(local[..., 2] > 1e-9, local[..., 2], np.nan)
-        x = (1 - local[..., 0] / depth / self.tan_x) * self.width / 2
-        y = (1 - local[..., 1] / depth / self.tan_x * self.width / self.height) * self.height / 2
+        x = (self.edge[0] - local[..., 0] / depth / self.tan_x) * self.width / 2
+        y = (self.edge[1] - local[..., 1] / depth / self.tan_x * self.width / self.height) * self.height / 2
         return x, y
 
 
@@ -122,26 +142,21 @@ class Scene:
 
 def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene:
     """Read a scene file with `parameters` for its defaults; ReferenceError_ for what has no meaning here."""
-    root = document.read(path, parameters).resolved()
+    said = document.read(path, parameters)
+    root = said.resolved()
     _check_root(root)
     materials = _Materials(root)
-    integrator, sensor = only(root, "integrator"), only(root, "sensor")
-    if integrator is None:
-        fail(root, '<scene> needs an <integrator type="path"> with its max_depth')
+    max_depth, roulette_depth, hide_emitters = _integrator(only(root, "integrator"))
+    sensor = document.sensor(root)
     if sensor is None:
         fail(root, '<scene> needs a <sensor type="perspective">')
-    with Said(integrator) as said:
-        max_depth, roulette_depth = said.integer("max_depth"), said.integer("rr_depth")
-        hide_emitters = said.flag("hide_emitters")
-    if max_depth == 0:
-        fail(integrator, '"max_depth" 0 is a black image: -1 is without limit, 1 emission only')
     emitters = [_emitter(e) for e in root.findall("emitter")]
     skies = [sky for sky in emitters if isinstance(sky, np.ndarray)]
     for another in root.findall("./emitter[@type='constant']")[1:]:
         fail(another, f"a second {described(another)}")
     shapes = []
     for element in root.findall("shape"):
-        shape = _shape(element, materials, path.parent)
+        shape = _shape(element, materials, said.file)
         if hide_emitters and shape is not None and only(element, "emitter") is not None and not shape.emits:
             fail(element, "a hidden emitter of radiance 0 is not supported by raycheck")
         shapes += [shape] if shape is not None else []
@@ -159,14 +174,41 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
     )
 
 
+def _integrator(element: Element | None) -> tuple[int, int, bool]:
+    """max_depth, rr_depth and hide_emitters; without an integrator those of `path`."""
+    if element is None:
+        return -1, 5, False
+    inner = document.integrator(element)
+    if inner is None:
+        fail(element, f'{described(element)} needs an <integrator type="path"> inside')
+    while element is not inner:
+        with Said(element, ("integrator",)):
+            inside = only(element, "integrator")
+            assert inside is not None
+            element = inside
+    with Said(inner) as said:
+        if said.type == "direct":
+            both = said.given("emitter_samples") is not None or said.given("bsdf_samples") is not None
+            if said.given("shading_samples") is not None and both:
+                fail(inner, '"shading_samples" is "emitter_samples" and "bsdf_samples": write it or these')
+            return 2, 5, said.flag("hide_emitters")
+        max_depth, roulette_depth = said.integer("max_depth"), said.integer("rr_depth")
+        hide_emitters = said.flag("hide_emitters")
+    if max_depth == 0:
+        fail(inner, '"max_depth" 0 is a black image: -1 is without limit, 1 emission only')
+    return max_depth, roulette_depth, hide_emitters
+
+
 def _check_root(root: Element) -> None:
     if root.tag != "scene":
         fail(root, f'the outermost element must be <scene version="3.0.0">, not <{root.tag}>')
     check_attributes(root)
-    if not re.fullmatch(r"3\.\d{1,4}\.\d{1,4}", root.attrib["version"]):
-        fail(root, f'scene version "{root.attrib["version"]}" is not supported (3.0.0, or another 3.x.y)')
+    if not re.fullmatch(r"[0-3]\.\d{1,4}\.\d{1,4}", root.attrib["version"]):
+        version = root.attrib["version"]
+        fail(root, f'scene version "{version}" is not supported (3.0.0, or another of 0.x.y to 3.x.y)')
     names: set[str] = set()
-    for element in children(root, ("default", "integrator", "sensor", "bsdf", "texture", "shape", "emitter")):
+    parts = ("integrator", "sensor", "bsdf", "texture", "shape", "emitter", "ref")
+    for element in children(root, ("default", "path", "alias", *parts)):
         if element.tag != "default":
             continue
         children(element, ())
@@ -186,13 +228,21 @@ class _Materials:
         self._others = [*root.findall("bsdf"), *root.findall("texture")]
         for element in root.iter():
             name = element.get("id")
-            if name is None or element.tag == "ref":
+            if name is None or element.tag in ("ref", "alias"):
                 continue
             if not name:
                 fail(element, f"the id of <{element.tag}> is empty")
             if name in self._by_id:
                 fail(element, f'the id "{name}" is already that of another element')
             self._by_id[name] = element
+        for alias in root.findall("alias"):
+            if alias.attrib["id"] not in self._by_id or alias.attrib["as"] in ("", *self._by_id):
+                names = f'id="{alias.attrib["id"]}" as="{alias.attrib["as"]}"'
+                fail(alias, f"<alias {names}/>: the former must be the id of an element, the latter of none")
+            self._by_id[alias.attrib["as"]] = self._by_id[alias.attrib["id"]]
+        for ref in root.findall("ref"):
+            if self._by_id.get(ref.attrib["id"], root).tag not in ("sensor", "bsdf", "texture"):
+                fail(ref, f'<ref id="{ref.attrib["id"]}"/>: no <sensor>, <bsdf> or <texture> has this id')
 
     def of(self, element: Element) -> Material:
         """The material of a <bsdf>, or of the one that a <ref> means."""
@@ -230,7 +280,7 @@ class _Materials:
         return self._by_id[name]
 
 
-def _shape(element: Element, materials: _Materials, folder: Path) -> Shape | None:
+def _shape(element: Element, materials: _Materials, file: Callable[[str], Path]) -> Shape | None:
     """None for a sphere without size."""
     light, bsdf = only(element, "emitter"), only(element, "bsdf", "ref")
     mesh, face_normals = None, False
@@ -239,7 +289,7 @@ def _shape(element: Element, materials: _Materials, folder: Path) -> Shape | Non
         if said.type == "sphere":
             to_world, flipped = _sphere(said, to_world, flipped)
         elif said.type in ("ply", "obj"):
-            mesh, face_normals = folder / said.word("filename"), said.flag("face_normals")
+            mesh, face_normals = file(said.word("filename")), said.flag("face_normals")
             said.ignore("flip_tex_coords")
         elif said.type not in ("rectangle", "disk", "cube"):
             fail(element, f"{described(element)} is not supported by raycheck")
@@ -316,38 +366,71 @@ def _spot(said: Said) -> Spot:
 
 
 def _camera(sensor: Element) -> Camera:
-    film = only(sensor, "film")
-    if film is None:
-        fail(sensor, '<sensor> needs a <film type="hdrfilm"> with <rfilter type="box"/>')
-    width, height = _film(film)
+    size, start, width, height, weights = _film(only(sensor, "film"))
     with Said(sensor, ("film", "sampler")) as said:  # no sampler changes the mean of a picture
-        if said.given("fov") is None:
-            fail(sensor, '<sensor> needs a field of view: <float name="fov" value="40"/>, in degrees')
-        half, axis = math.tan(math.radians(said.number("fov")) / 2), said.word("fov_axis")
+        half, axis = _field_of_view(said)
         to_world = said.transform("to_world")
         near, far = said.number("near_clip"), said.number("far_clip")
+        moved = [said.number(f"principal_point_offset_{axis}") for axis in "xy"]
     if not abs(uniform_scale(to_world, 1e-3) - 1) <= 1e-3:
         fail(sensor, '"to_world" of a sensor must not scale or shear')
     if near >= far:
         fail(sensor, f'"near_clip" is {near:g} and must be less than "far_clip", {far:g}')
     if axis in ("smaller", "larger"):
-        axis = "x" if (width <= height) == (axis == "smaller") else "y"
+        axis = "x" if (size[0] <= size[1]) == (axis == "smaller") else "y"
     if axis == "y":
-        half *= width / height
+        half *= size[0] / size[1]
     elif axis == "diagonal":
-        half *= width / math.hypot(width, height)
-    return Camera(to_world, half, width, height, near, far)
+        half *= size[0] / math.hypot(*size)
+    shares = width / size[0], height / size[1]
+    left, upper = (
+        (1 - 2 * (at / whole + by)) / share
+        for at, whole, by, share in zip(start, size, moved, shares, strict=True)
+    )
+    return Camera(to_world, half * shares[0], width, height, near, far, (left, upper), weights)
 
 
-def _film(film: Element) -> tuple[int, int]:
-    """Width and height of a film whose pixels are means over their own squares."""
-    rfilter = only(film, "rfilter")
-    if rfilter is None:
-        fail(film, '<film> needs <rfilter type="box"/> (Mitsuba\'s default, gaussian, is not supported)')
-    with Said(rfilter):
-        pass
+def _field_of_view(said: Said) -> tuple[float, str]:
+    """The tangent of half of it, and the axis of the film that it is along."""
+    length = said.given("focal_length")
+    if said.given("fov") is not None:
+        if length is not None:
+            fail(length, '<sensor> has "fov" and "focal_length": write one or the other')
+        return math.tan(math.radians(said.number("fov")) / 2), said.word("fov_axis")
+    if said.given("fov_axis") is not None:
+        fail(said.element, '"fov_axis" goes with "fov", in degrees, which is not given')
+    text = said.word("focal_length").removesuffix("mm")
+    try:
+        millimetres = float(text)
+    except ValueError:
+        millimetres = 0.0
+    if not 1e-6 < millimetres < 1e6:
+        fail(said.element, f'"focal_length" = "{text}" is not a number of millimetres, as "50mm" is')
+    return math.hypot(36, 24) / (2 * millimetres), "diagonal"
+
+
+def _film(film: Element | None) -> tuple[tuple[int, int], tuple[int, int], int, int, Filter]:
+    """(width, height) of the film, (x, y) where the picture begins in it, the picture's width and height, and
+    its filter; without a film Mitsuba's.
+    """
+    if film is None:
+        return (768, 576), (0, 0), 768, 576, Filter("gaussian", 2.0)
+    kind, radius = _filter(only(film, "rfilter"))
     with Said(film, ("rfilter",)) as said:
-        width, height = said.integer("width"), said.integer("height")
+        size = said.integer("width"), said.integer("height")
+        x, y = said.integer("crop_offset_x"), said.integer("crop_offset_y")
+        width, height = said.integer("crop_width") or size[0], said.integer("crop_height") or size[1]
+        border = max(0, math.ceil(radius - 0.5)) if said.flag("sample_border") else 0
+    if x + width > size[0] or y + height > size[1]:
+        fail(film, f"the crop window, {width} x {height} from ({x}, {y}) on, is not within the film")
     if width * height > 2**28:
         fail(film, f"{width} x {height} pixels are more than 2^28")
-    return width, height
+    return size, (x, y), width, height, Filter(kind, radius, border)
+
+
+def _filter(rfilter: Element | None) -> tuple[str, float]:
+    """Its kind and radius; Mitsuba's default where there is none."""
+    if rfilter is None:
+        return "gaussian", 2.0
+    with Said(rfilter) as said:
+        return said.type, 4 * said.number("stddev") if said.type == "gaussian" else said.number("radius")

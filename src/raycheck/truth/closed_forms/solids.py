@@ -179,7 +179,13 @@ def in_view(scene: Scene) -> Scene:
     """The scene without the rectangles that the camera cannot see since all corners are beside its view."""
     camera = scene.camera
     up, right = camera.tan_x * camera.height / camera.width, camera.tan_x
-    sides = np.array([[1, 0, right], [-1, 0, right], [0, 1, up], [0, -1, up], [0, 0, 1]])
+    (left, upper), far = camera.edge, 2.0
+    sides = np.array(
+        [
+            [-1, 0, left * right], [1, 0, (far - left) * right],
+            [0, -1, upper * up], [0, 1, (far - upper) * up], [0, 0, 1],
+        ]
+    )  # fmt: skip
 
     def may_show(shape: Shape) -> bool:
         if shape.kind != "rectangle":
@@ -496,4 +502,7 @@ def _film_line_of_plane(camera: Camera, normal: Array) -> Array:
     """The picture of the plane through the eye with this normal."""
     x, y, z = camera.to_world[:3, :3].T @ normal
     t, width, height = camera.tan_x, camera.width, camera.height
-    return np.array([-2 * x * t / width, -2 * y * t / width, x * t + y * t * height / width + z])
+    left, upper = camera.edge
+    return np.array(
+        [-2 * x * t / width, -2 * y * t / width, x * t * left + y * t * upper * height / width + z]
+    )
