@@ -491,7 +491,8 @@ static void set_filter(Sensor *sensor)
         filter->radius = name##_radius(&filter->as.name);
     FILTERS(X)
 #undef X
-    filter_table(filter);
+    if (!filter_is_pixel(filter))
+        filter_table(filter);
     sensor->frame.border = sensor->frame.sample_border ? (int)fmax(0, ceil(filter->radius - .5)) : 0;
 }
 
