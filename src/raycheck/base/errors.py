@@ -18,7 +18,9 @@ class RenderLate(RenderError):
 
 
 class CannotRender(RenderError):
-    """A renderer that says, by exit status 77, that it cannot render the scene."""
+    """A renderer that says, by exit status 77 or a line "unsupported: why", that it does not support the
+    scene.
+    """
 
 
 class NotFound(PlainError):

@@ -114,6 +114,15 @@ def last_words(said: str) -> str:
     return "; it said: " + " | ".join(lines[-3:]) if lines else ""
 
 
+UNSUPPORTED = "unsupported:"
+"""How the line begins by which a renderer says what of a scene it does not support."""
+
+
+def refusal(said: Iterable[str]) -> str:
+    """The line, of those that a renderer said, by which it refuses a scene; empty if there is none."""
+    return next((line.strip()[:300] for line in said if line.lstrip().startswith(UNSUPPORTED)), "")
+
+
 def duration(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"

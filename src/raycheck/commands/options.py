@@ -21,7 +21,19 @@ Technique = Annotated[
 ]
 RendererCommand = Annotated[
     str | None,
-    typer.Option(metavar="CMD", help="This command, with {output} and where it can {scene} {spp} {seed}."),
+    typer.Option(
+        metavar="CMD",
+        help="This command, with {output} and where it can {scene} or {json}, {spp} {seed}; or a folder with "
+        "a raycheck.toml.",
+    ),
+]
+Needs = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WORDS",
+        help="Only scenes that need no other shapes, lights or surfaces than these, such as "
+        "rectangle,sphere; in the words that raycheck scene prints.",
+    ),
 ]
 Pictures = Annotated[
     str | None,

@@ -93,7 +93,7 @@ def writable(path: Path | None) -> None:
         raise NotFound(f"{path}: there is no such folder, or it is one")
 
 
-COLOURS = {"PASS": "green", "FAIL": "bold red", "INCONCLUSIVE": "yellow"}
+COLOURS = {"PASS": "green", "FAIL": "bold red", "INCONCLUSIVE": "yellow", "SKIP": "dim"}
 
 
 class Done(Protocol):

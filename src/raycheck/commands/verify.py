@@ -1,11 +1,15 @@
 """raycheck verify: judge a renderer, and show the table of verdicts."""
 
+from pathlib import Path
+
 import typer
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
+from raycheck.base.statuses import Status
 from raycheck.commands import options
 from raycheck.commands.support import parse_settings, progress_bar, writable
+from raycheck.renderers.manifest import MANIFEST
 from raycheck.scene import techniques, variants
 
 
@@ -14,6 +18,7 @@ def verify(
     settings: options.Settings = None,
     technique: options.Technique = None,
     renderer: options.RendererCommand = None,
+    needs: options.Needs = None,
     images: options.Pictures = None,
     json_file: options.JsonFile = None,
     junit: options.JunitFile = None,
@@ -40,6 +45,8 @@ def verify(
         variants.variant(scene, parameters)
     for name in technique or ():
         techniques.technique(name)
+    if renderer is None and images is None and not technique and Path(MANIFEST).is_file():
+        renderer = MANIFEST
     from raycheck.commands.work import verify as work
     from raycheck.judging.cases import Verification
     from raycheck.judging.junit import junit_xml
@@ -53,6 +60,7 @@ def verify(
         kept = Verification.read(json_file).cases if going_on and json_file else []
         result = run_verification(
             renderer, scenes or (), parameters=parameters, techniques=technique or (),
+            needs=needs.split(",") if needs is not None else None,
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
             limits=limits, earlier=kept,
             on_case=work.saving(json_file, kept, on_case) if thorough else on_case,
@@ -62,4 +70,6 @@ def verify(
         write_whole(json_file, result.to_json())
     if junit:
         write_whole(junit, junit_xml(result))
+    if result.exit_status == Status.COULD_NOT_RUN:
+        raise NotFound("nothing was judged: the renderer supports none of these scenes")
     raise typer.Exit(result.exit_status)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from raycheck.base.errors import NotFound
+from raycheck.base.statuses import Status
 from raycheck.stats.verdict import Outcome
 from raycheck.truth.provenance import Provenance
 
@@ -66,9 +67,13 @@ class Verification:
 
     @property
     def exit_status(self) -> int:
-        """1 if any FAIL, else 3 if any INCONCLUSIVE, else 0."""
+        """1 if any FAIL, else 3 if any INCONCLUSIVE, else 0; 2 if all are SKIP."""
         outcomes = {case.verdict for case in self.cases}
-        return 1 if Outcome.FAIL in outcomes else 3 if Outcome.INCONCLUSIVE in outcomes else 0
+        if Outcome.FAIL in outcomes:
+            return Status.FAIL
+        if Outcome.INCONCLUSIVE in outcomes:
+            return Status.INCONCLUSIVE
+        return Status.COULD_NOT_RUN if outcomes == {Outcome.SKIP} else Status.DONE
 
     @classmethod
     def read(cls, path: Path) -> "Verification":

@@ -39,8 +39,8 @@ METHOD = 1
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    """Render and judge one case; `taken` are the seeds of the reference. Raises CannotRender where the
-    renderer says that it cannot render the scene.
+    """Render and judge one case; `taken` are the seeds of the reference. SKIP where the renderer
+    says that it cannot render the scene.
     """
     rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
     case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded, provenance=rests)
@@ -55,8 +55,8 @@ def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Ca
         return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
     except RenderLate as error:
         return case(Outcome.FAIL, str(error), late=True)
-    except CannotRender:
-        raise
+    except CannotRender as error:
+        return case(Outcome.SKIP, str(error))
     except RenderError as error:
         return case(Outcome.FAIL, kept_scene(task, str(error)))
 

@@ -204,7 +204,7 @@ def _undecided(found: Judgement, regions: list[Tile], height: int, width: int, s
     )
 
 
-def left_out(cases: Mapping[str, str]) -> list[str]:
+def left_out(cases: Mapping[str, str], how: str = "Left out") -> list[str]:
     """A sentence for each reason why cases ("scene, technique" or "scene") are not judged; places in images
     do not count as reasons of their own.
     """
@@ -219,5 +219,5 @@ def left_out(cases: Mapping[str, str]) -> list[str]:
         for technique, scenes in by_technique.items():
             together.setdefault(", ".join(scenes), []).append(technique)
         parts = [f"{', '.join(t)} on {scenes}" if any(t) else scenes for scenes, t in together.items()]
-        lines.append(f"Left out: {'; '.join(parts)}: {why}.")
+        lines.append(f"{how}: {'; '.join(parts)}: {why}.")
     return lines

@@ -28,6 +28,8 @@ class Outcome(StrEnum):
     PASS = "PASS"
     FAIL = "FAIL"
     INCONCLUSIVE = "INCONCLUSIVE"
+    SKIP = "SKIP"
+    """The renderer says that it does not support the scene: nothing was judged."""
 
 
 @dataclass(frozen=True)

@@ -35,14 +35,17 @@ def show(result: Verification) -> None:
                 soft_wrap=True,
             )
     totals = result.header.get("totals", {})
-    counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
+    told = [o for o in Outcome if o is not Outcome.SKIP or totals.get(o.value)]
+    counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in told)
     seen = [case.mde_image for case in result.cases if case.mde_image is not None]
     sentence = f"{counts} in {duration(float(totals.get('seconds', 0.0)))}"
     if seen:
         sentence += f"; a bias of {percent(max(seen))} of the image mean would have been noticed everywhere"
     console.print()
     console.print(sentence + ".", highlight=False)
-    console.print(_judged_against(result.cases), highlight=False, markup=False, soft_wrap=True)
+    judged = [case for case in result.cases if case.verdict is not Outcome.SKIP]
+    if judged:
+        console.print(_judged_against(judged), highlight=False, markup=False, soft_wrap=True)
     for line in sentences.left_out(result.header.get("left_out", {})):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
