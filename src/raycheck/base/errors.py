@@ -13,6 +13,10 @@ class RenderTimeout(RenderError):
     """A renderer that did not end in time."""
 
 
+class OutOfTime(RenderError):
+    """The time that the user gave was over before all pictures were there."""
+
+
 class RenderLate(RenderError):
     """A picture that took longer than it may: none, where an assignment says so."""
 

@@ -58,12 +58,13 @@ def verify(
     going_on = resume and json_file is not None and json_file.is_file()
     with progress_bar("verifying") as on_case:
         kept = Verification.read(json_file).cases if going_on and json_file else []
+        rows = work.Rows()
         result = run_verification(
             renderer, scenes or (), parameters=parameters, techniques=technique or (),
             needs=needs.split(",") if needs is not None else None,
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
             limits=limits, earlier=kept,
-            on_case=work.saving(json_file, kept, on_case) if thorough else on_case,
+            on_case=work.saving(json_file, kept, rows, on_case), on_plan=rows.plan,
         )  # fmt: skip
     work.show(result)
     if json_file:

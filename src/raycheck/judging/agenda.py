@@ -43,6 +43,11 @@ class Task:
         return self.of.label
 
     @property
+    def name(self) -> str:
+        """The case: "scene, technique", or the scene alone of another renderer."""
+        return self.label if self.technique == "renderer" else f"{self.label}, {self.technique}"
+
+    @property
     def content(self) -> SceneContent:
         return read_content(self.of.path, self.of.parameters)
 

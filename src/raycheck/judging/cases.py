@@ -57,6 +57,16 @@ class Case:
     provenance: Provenance = field(default_factory=dict)
     """The pictures that the verdict rests on, and METHOD of renders."""
 
+    @property
+    def name(self) -> str:
+        """ "scene, technique", or the scene alone of another renderer."""
+        return self.scene if self.technique == "renderer" else f"{self.scene}, {self.technique}"
+
+    @property
+    def skipped(self) -> bool:
+        """The renderer does not support the scene."""
+        return self.verdict is Outcome.SKIP
+
 
 @dataclass(frozen=True)
 class Verification:

@@ -22,10 +22,11 @@ def template_name(of: Variant) -> str:
 
 
 def conclude(
-    found: Judgement, regions: list[Tile], shown: Callable[[], Look], *, precision: str, seconds: float
-) -> tuple[Judgement, str]:
+    found: Judgement, regions: list[Tile], shown: Callable[[], Look], *, precision: str,
+    takes: Callable[[float], float] | None,
+) -> tuple[Judgement, str]:  # fmt: skip
     """The judgement as it stands with images of this precision, and its sentence: what `shown` explains,
-    where it FAILs. What would decide takes `seconds`.
+    where it FAILs. So many times the samples take as many seconds as `takes` says, if anybody knows.
     """
     explained, lights = NOTHING, 1
     if found.outcome is Outcome.FAIL:
@@ -33,7 +34,7 @@ def conclude(
         explained, lights = explain([look]), look.lights
         if precision != "float" and not explained.convention:  # of coarse images gross mistakes alone
             explained = NOTHING
-    sentence = sentences.reason(found, regions, seconds, explained, lights)
+    sentence = sentences.reason(found, regions, takes, explained, lights)
     if is_whole(precision) and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
         bits = precision.replace("-bit", " bits")
@@ -53,12 +54,17 @@ def gross_mistake(images: Array, truth: Truth, seen: Look) -> str | None:
     return sentences.explanation(explained, seen.lights) if explained.convention else None
 
 
-def case_maker(label: str, technique: str, truth: Truth, **known: Any) -> Callable[..., Case]:
-    """case(verdict, reason, **figures), with what is known already and the seconds since now."""
-    started = time.perf_counter()
+def case_maker(
+    label: str, technique: str, truth: Truth, clock: Callable[[], float] = time.perf_counter,
+    spent: float = 0.0, **known: Any,
+) -> Callable[..., Case]:  # fmt: skip
+    """case(verdict, reason, **figures), with what is known already, and the seconds since now beside those
+    that were `spent`.
+    """
+    started = clock() - spent
 
     def case(verdict: Outcome, reason: str, **figures: Any) -> Case:
-        what = {"seconds": time.perf_counter() - started, "closed_form": truth.closed_form} | known | figures
+        what = {"seconds": clock() - started, "closed_form": truth.closed_form} | known | figures
         return Case(label, technique, verdict, reason, **what)
 
     return case

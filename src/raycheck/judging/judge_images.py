@@ -80,7 +80,7 @@ def judge_pictures(
     found, regions, classes = judge_few(residuals, truth, limits, quantum, independent_pixels=not alike)
     if found.outcome is Outcome.INCONCLUSIVE:
         return case(found.outcome, _few(found, len(loaded)), **figures(found, regions))
-    found, sentence = conclude(found, regions, shown, precision=coarse.precision, seconds=0.0)
+    found, sentence = conclude(found, regions, shown, precision=coarse.precision, takes=None)
     if classes > 1:
         sentence += (
             f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"

@@ -1,26 +1,30 @@
 """One case: a renderer's pictures of a scene, made with many seeds and judged."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
+from statistics import median
 
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import CannotRender, RenderError, RenderLate, RenderTimeout
+from raycheck.base.errors import CannotRender, OutOfTime, RenderError, RenderLate, RenderTimeout
+from raycheck.base.text import duration
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task, kept_scene
 from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
 from raycheck.judging.looks import Look, look
-from raycheck.judging.plan import Pilot, Plan, measure_pilot, pace, plan
+from raycheck.judging.plan import Pilot, Plan, measure_pilot, plan
 from raycheck.judging.settings import (
     BATCHES,
     MOST_SPP,
+    PICTURES,
     PILOT_IMAGES,
     PILOT_SPP,
     TIMING_SEEDS,
@@ -28,6 +32,7 @@ from raycheck.judging.settings import (
     Settings,
     case_seeds,
 )
+from raycheck.judging.timetable import FLUCTUATION, START_SHARE, least_seconds, pace, seen
 from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
 from raycheck.stats.verdict import Outcome, judge
@@ -39,18 +44,98 @@ METHOD = 1
 
 
 def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    """Render and judge one case; `taken` are the seeds of the reference. SKIP where the renderer
-    says that it cannot render the scene.
+    """Render and judge one case; `taken` are the seeds of the reference."""
+    return judge_surveyed(survey(task, truth, taken, settings), settings)
+
+
+@dataclass
+class Survey:
+    """A case whose first two pictures were rendered: what the others will take."""
+
+    renders: "_Renders"
+    seeds: Sequence[int]
+    fingerprint: str = ""
+    first: list[Rendering] = field(default_factory=list)
+    """The probe, of one sample, and the first picture of the pilot."""
+    pilot: list[Array] = field(default_factory=list)
+    """That picture, (1, H, W, 3)."""
+    seconds: float = 0.0
+    case: Case | None = None
+    """The verdict, where it is known already."""
+
+    @property
+    def task(self) -> Task:
+        return self.renders.task
+
+    @property
+    def times(self) -> dict[int, float]:
+        """Seconds of the pictures by samples per pixel; the faster of two of the same."""
+        probe, pilot = (made.seconds for made in self.first)
+        spp = self.renders.first_spp
+        return {1: probe, spp: pilot} if spp > 1 else {1: min(probe, pilot)}
+
+    def least(self, jobs: int, own: float) -> float:
+        """Seconds that the rest of the case takes at least."""
+        if self.case:
+            return 0.0
+        fixed = not self.task.renderer.takes_spp
+        return least_seconds(self.times, 1 if fixed else self.renders.settings.spp, jobs, own)
+
+
+def survey(task: Task, truth: Truth, taken: range, settings: Settings) -> Survey:
+    """Render the first two pictures of a case, one after the other. What they already show is its verdict: a
+    plain mistake, SKIP where the renderer says that it does not support the scene, or an earlier run's.
     """
-    rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
-    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded, provenance=rests)
     technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
-    seeds = case_seeds(task.label, technique, settings.seed, taken)
+    renders = _Renders(task, truth, settings, None)
+    found = Survey(renders, case_seeds(task.label, technique, settings.seed, taken))
+    started, case = settings.clock(), _maker(task, truth, settings)
+
+    def first_pictures() -> Case | None:
+        _, found.first = renders.render(1, found.seeds[:1])
+        found.fingerprint = _fingerprint(task, renders.digests[0], truth, settings)
+        if found.fingerprint in settings.earlier:
+            return settings.earlier[found.fingerprint]
+        images, made = renders.render(renders.first_spp, found.seeds[1:2])
+        found.first, found.pilot = [*found.first, *made], [images]
+        return None
+
+    found.case = _ended(first_pictures, task, case)
+    found.seconds = settings.clock() - started
+    return found
+
+
+def judge_surveyed(found: Survey, settings: Settings) -> Case:
+    """The verdict on a case that was surveyed."""
+    if found.case:
+        return found.case
+    task, renders = found.task, found.renders
+    case = _maker(task, renders.truth, settings, found.seconds, fingerprint=found.fingerprint)
+    with _pool(settings.jobs) as pool:
+        renders.settings, renders.pool = settings, pool
+        judged = _ended(lambda: _judge_renders(found, case), task, case)
+    assert judged
+    return judged
+
+
+def _maker(
+    task: Task, truth: Truth, settings: Settings, spent: float = 0.0, **known: str
+) -> Callable[..., Case]:
+    rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
+    return case_maker(
+        task.label, task.technique, truth, settings.clock, spent, unbounded=task.unbounded, provenance=rests,
+        **known,
+    )  # fmt: skip
+
+
+def _ended(judging: Callable[[], Case | None], task: Task, case: Callable[..., Case]) -> Case | None:
+    """What was judged, or the case that an error of the renderer is."""
     try:
-        with _pool(settings.jobs) as pool:
-            return _judge_renders(_Renders(task, truth, settings, pool), seeds, case)
+        return judging()
     except Broken as error:
         return case(Outcome.FAIL, str(error))
+    except OutOfTime as error:
+        return case(Outcome.INCONCLUSIVE, str(error))
     except RenderTimeout as error:
         return case(Outcome.INCONCLUSIVE, f"{error}; --timeout SECONDS allows more")
     except RenderLate as error:
@@ -86,12 +171,38 @@ class _Renders:
     pool: ThreadPoolExecutor | None
     labels: list[str] = field(default_factory=list)
     digests: list[str] = field(default_factory=list)
+    last: float = 0.0
+    """When the last picture was there, by the clock."""
+
+    @property
+    def first_spp(self) -> int:
+        """Samples per pixel of the pilot."""
+        return PILOT_SPP if self.task.renderer.takes_spp else 1
+
+    def one(self, spp: int, seed: int) -> Rendering:
+        """One image, before the time of the run is over."""
+        settings, left = self.settings, self.settings.ends - self.settings.clock()
+        if left <= 0:
+            raise self.out_of_time()
+        try:
+            made = _render(self.task, self.truth, spp, seed, min(settings.timeout, left))
+            self.last = settings.clock()
+            return made
+        except RenderTimeout:
+            if left < settings.timeout:
+                raise self.out_of_time() from None
+            raise
+
+    def out_of_time(self, needed: float | None = None) -> OutOfTime:
+        seconds = duration(self.settings.asked or 0.0)
+        need = f"; the rest would take about {duration(needed)} more" if needed else ""
+        return OutOfTime(f"the {seconds} of this run were over after {len(self.digests)} pictures{need}")
 
     def render(self, spp: int, seeds: Sequence[int]) -> tuple[Array, list[Rendering]]:
         """Images of some seeds, (B, H, W, 3)."""
-        task, truth, timeout = self.task, self.truth, self.settings.timeout
+        task = self.task
         each = self.pool.map if self.pool else map
-        made = list(each(lambda s: _render(task, truth, spp, s, timeout), seeds))
+        made = list(each(lambda seed: self.one(spp, seed), seeds))
         first = len(self.labels)
         self.labels.extend(
             f"seed {seed}" if task.renderer.takes_seed else f"run {first + i}" for i, seed in enumerate(seeds)
@@ -108,40 +219,53 @@ class _Renders:
     def look(self, images: Array) -> Look:
         return look(template_name(self.task.of), images, self.truth, self.task.content.lights)
 
-    def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int]) -> tuple[Pilot, Plan]:
-        """How many samples to take, and the pilot with times from nearer to them."""
-        chosen = _affordable(pilot, self.truth, self.settings, self.task.unbounded)
+    def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int], until: float) -> Plan:
+        """How many samples to take, so that the sets are there at `until` by the clock; `times` get those of
+        pictures nearer to these. Where the start-up hides the pace of samples, more of them show it.
+        """
+        chosen = self._affordable(pilot, times, until)
         for seed in seeds:
-            nearer = TIMING_STEP * max(times)
-            if chosen.spp <= nearer:
+            most, found = max(times), pace(times)
+            hidden = found.sample * most < START_SHARE * found.start
+            if chosen.spp <= (most if hidden else TIMING_STEP * most):
                 break
-            times[nearer] = self.render(nearer, [seed])[1][0].seconds
-            start, each = pace(times)
-            pilot = replace(pilot, start_seconds=start, sample_seconds=each)
-            chosen = _affordable(pilot, self.truth, self.settings, self.task.unbounded)
-        return pilot, chosen
+            times[TIMING_STEP * most] = self.render(TIMING_STEP * most, [seed])[1][0].seconds
+            chosen = self._affordable(pilot, times, until)
+        return chosen
+
+    def _affordable(self, pilot: Pilot, times: Mapping[int, float], until: float) -> Plan:
+        """Samples per pixel: what the goals need, at most what the time allows."""
+        settings, left = self.settings, until - self.settings.clock()
+
+        def most(seconds: float) -> int:
+            each = min(seconds, left) * settings.jobs / PICTURES
+            return int(np.clip(pace(times).affordable(each), 1, MOST_SPP))
+
+        wished = settings.wishes(self.truth, self.task.unbounded)
+        wishes = [(goals, most(seconds)) for goals, seconds in wished]
+        return plan(pilot, self.truth, BATCHES, wishes, settings.limits)
 
 
-def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case]) -> Case:
-    """A probe of one sample, a pilot that plans, two sets of images; plain checks come before statistics."""
+def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
+    """A pilot that plans, two sets of images; plain checks come before statistics."""
+    renders, seeds = found_before.renders, found_before.seeds
     truth, settings = renders.truth, renders.settings
+    until = math.inf if settings.thorough else settings.clock() + FLUCTUATION * settings.case_seconds
     fixed = not renders.task.renderer.takes_spp
-    _, probe = renders.render(1, seeds[:1])
-    fingerprint = _fingerprint(renders.task, renders.digests[0], truth, settings)
-    if fingerprint in settings.earlier:
-        return settings.earlier[fingerprint]
-    case = partial(case, fingerprint=fingerprint)
-    first_spp = 1 if fixed else PILOT_SPP
-    pilot_images, pilot_made = renders.render(first_spp, seeds[1 : 1 + PILOT_IMAGES])
+    first_spp, probe = renders.first_spp, found_before.first
+    others, pilot_made = renders.render(first_spp, seeds[2 : 1 + PILOT_IMAGES])
+    pilot_images = np.concatenate([*found_before.pilot, others])
     renders.check_seeds()
     mistake = gross_mistake(pilot_images, truth, renders.look(pilot_images))
     if mistake:
         return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
-    times = {1: probe[0].seconds, first_spp: min(m.seconds for m in pilot_made)}
-    pilot = measure_pilot(pilot_images, None if fixed else first_spp, truth, times)
+    times = found_before.times | {first_spp: median(m.seconds for m in pilot_made)}
+    pilot = measure_pilot(pilot_images, None if fixed else first_spp, truth)
     smallest, spp = SMALLEST, None if fixed else settings.spp
     if not fixed and not settings.spp:
-        pilot, chosen = renders.plan(pilot, times, seeds[-TIMING_SEEDS:])
+        again = renders.one(1, seeds[0]).seconds  # the first of all may have waited for a disk
+        times[1] = min(times[1], again)
+        chosen = renders.plan(pilot, times, seeds[-TIMING_SEEDS:], until)
         smallest, spp = chosen.smallest, chosen.spp
         if not renders.task.independent:
             # The variance falls faster than 1/spp: the plan, which takes it as 1/spp, errs on the safe side
@@ -151,8 +275,14 @@ def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case
     quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
     regions = truth.regions(spp or 1, pilot.skewness, smallest)
     second = 1 + PILOT_IMAGES + BATCHES
-    set_a, _ = renders.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
-    set_b, _ = renders.render(spp or 1, seeds[second : second + BATCHES])
+    needed = PICTURES * pace(times).seconds(spp or 1) / settings.jobs
+    if settings.clock() + needed > settings.ends:
+        raise renders.out_of_time(needed)
+    started = settings.clock()
+    set_a, made_a = renders.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
+    set_b, made_b = renders.render(spp or 1, seeds[second : second + BATCHES])
+    rendering = settings.clock() - started
+    times[spp or 1] = median(m.seconds for m in (*made_a, *made_b))
     renders.check_seeds()
     both = np.concatenate([set_a, set_b])
     problem = checks.shared_noise(both, renders.task.content.filtered)
@@ -167,9 +297,16 @@ def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
     found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
-    seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
+    told = pace(seen(times))
+
+    def takes(more: float) -> float:
+        """Seconds of so many times the samples: the start-up stays as it is, where it is known."""
+        if fixed:
+            return rendering * more
+        return rendering * told.seconds(more * (spp or 1)) / max(told.seconds(spp or 1), 1e-9)
+
     found, sentence = conclude(
-        found, regions, partial(renders.look, both), precision=probe[0].image.precision, seconds=seconds
+        found, regions, partial(renders.look, both), precision=probe[0].image.precision, takes=takes
     )
     if found.outcome is Outcome.FAIL and not fixed and found.bias_high < 0:
         singles, _ = renders.render(1, seeds[1 : 1 + PILOT_IMAGES])
@@ -188,16 +325,3 @@ def _render(task: Task, truth: Truth, spp: int, seed: int, timeout: float) -> Re
     made = task.renderer.render(task.path, spp, seed, timeout)
     check_contract(made.image, truth, f"seed {seed}" if task.renderer.takes_seed else "")
     return made
-
-
-def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool) -> Plan:
-    """Samples per pixel: what the goals need, at most what the time allows."""
-
-    def most(seconds: float) -> int:
-        each = seconds * settings.jobs / (2 * BATCHES)
-        if pilot.sample_seconds <= 0:
-            return MOST_SPP
-        return int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
-
-    wishes = [(goals, most(seconds)) for goals, seconds in settings.wishes(truth, unbounded)]
-    return plan(pilot, truth, BATCHES, wishes, settings.limits)

@@ -1,4 +1,4 @@
-"""A first small set of images: how noisy and how slow a renderer is, and so how many samples a verdict needs.
+"""A first small set of images: how noisy a renderer is, and so how many samples a verdict needs.
 
 Pilot images plan; they are never judged.
 """
@@ -36,20 +36,10 @@ class Pilot:
     """Skewness of its one-sample tile means, combined with the reference's: the larger of the two."""
     noise: float
     """Its variance over that of the reference's renderer at equal samples, over the whole image."""
-    start_seconds: float
-    """Seconds that a render takes with no samples at all."""
-    sample_seconds: float
-    """Seconds for each further sample per pixel."""
-
-    def seconds(self, spp: int) -> float:
-        return self.start_seconds + self.sample_seconds * spp
 
 
-def measure_pilot(images: Array, spp: int | None, truth: Truth, times: Mapping[int, float]) -> Pilot:
-    """The pilot of images (B ≥ 3, H, W, 3) at `spp` samples, and seconds by samples per pixel.
-
-    Where `spp` is not known, an image counts as one sample.
-    """
+def measure_pilot(images: Array, spp: int | None, truth: Truth) -> Pilot:
+    """The pilot of images (B ≥ 3, H, W, 3) at `spp` samples; where that is not known, one counts as one."""
     variance, third = cumulants(images)
     skewness = tile_skewness(variance, third, truth.skewness)
     if spp is not None:
@@ -57,23 +47,11 @@ def measure_pilot(images: Array, spp: int | None, truth: Truth, times: Mapping[i
             size: np.fmax(np.abs(table), np.abs(skewness[size]) * np.sqrt(spp))
             for size, table in truth.skewness.items()
         }
-    start, each = pace(times)
     return Pilot(
         sample_variance=variance * (spp or 1),
         skewness=skewness,
         noise=(spp or 1) / equivalent_spp(truth.sample_variance, variance),
-        start_seconds=start,
-        sample_seconds=each,
     )
-
-
-def pace(times: Mapping[int, float]) -> tuple[float, float]:
-    """Seconds to start and seconds for each sample, from the seconds of renders by samples per pixel."""
-    few, many = min(times), max(times)
-    each = 0.0
-    if many > few:
-        each = max((times[many] - times[few]) / (many - few), 0.02 * times[many] / many)
-    return max(times[few] - each * few, 0.0), each
 
 
 def cumulants(images: Array) -> tuple[Array, Array]:

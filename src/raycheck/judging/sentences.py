@@ -2,9 +2,9 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from raycheck.base.text import duration, percent, signed
+from raycheck.base.text import duration, percent, signed, times
 from raycheck.judging import mistakes
 from raycheck.judging.conventions import Convention
 from raycheck.judging.explanations import NOTHING, Explanation, Factor
@@ -16,10 +16,12 @@ CHANNELS = ("red", "green", "blue")
 
 
 def reason(
-    found: Judgement, regions: list[Tile], seconds: float, explained: Explanation = NOTHING,
-    lights: int = 1,
+    found: Judgement, regions: list[Tile], takes: Callable[[float], float] | None,
+    explained: Explanation = NOTHING, lights: int = 1,
 ) -> str:  # fmt: skip
-    """The sentence of a verdict. `explained` is what may be said to account for all of a bias."""
+    """The sentence of a verdict. `takes` are the seconds of so many times the samples; `explained` is what
+    may be said to account for all of a bias.
+    """
     height, width = regions[0].height, regions[0].width
     if found.outcome is Outcome.PASS:
         return (
@@ -30,7 +32,7 @@ def reason(
         chance = min([f.p for f in found.findings] + [found.p_omnibus])
         where = explanation(explained, lights) or _failure(found, regions, height, width)
         return f"{where} ({odds(chance)}){suspicion(explained)}"
-    return _undecided(found, regions, height, width, seconds)
+    return _undecided(found, regions, height, width, takes)
 
 
 def amount(bias: float, low: float, high: float) -> str:
@@ -186,9 +188,11 @@ def odds(p: float, who: str = "correct renderers") -> str:
     return f"by chance {who} look like this less than once in 10^{exponent} times"
 
 
-def _undecided(found: Judgement, regions: list[Tile], height: int, width: int, seconds: float) -> str:
-    time = f" ({duration(seconds * found.more_samples)})" if seconds > 0 else ""
-    need = f"about {found.more_samples:.2g} times the samples{time} would decide"
+def _undecided(
+    found: Judgement, regions: list[Tile], height: int, width: int, takes: Callable[[float], float] | None
+) -> str:
+    time = f" ({duration(takes(found.more_samples))})" if takes else ""
+    need = f"about {times(found.more_samples)} times the samples{time} would decide"
     if found.undecided:
         first = found.undecided[0]
         where = (

@@ -1,6 +1,8 @@
 """How much is rendered for a verdict: numbers of images and samples, and budgets."""
 
-from collections.abc import Collection, Mapping
+import math
+import time
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from raycheck.base.seeds import make_seeds
@@ -13,6 +15,7 @@ BATCHES = 32
 """Images of each of the two judged sets."""
 PILOT_IMAGES = 8
 PILOT_SPP = 16
+PICTURES = 2 * BATCHES
 TIMING_STEP, TIMING_SEEDS = 8, 4
 """A plan for more than 8 times the samples that were timed is timed again nearer to it, so often at most: a
 short render's time says little of a long one's.
@@ -39,6 +42,12 @@ class Settings:
     jobs: int = 2
     timeout: float = 60.0
     case_seconds: float = QUICK_CASE_SECONDS
+    """What a quick case may take, after its survey."""
+    ends: float = math.inf
+    """When by the clock the last picture must be there."""
+    asked: float | None = None
+    """The budget that the user set, to be named where it was over."""
+    clock: Callable[[], float] = time.perf_counter
     limits: Limits = Limits()
     earlier: Mapping[str, Case] = field(default_factory=dict)
     """Verdicts that stand, by fingerprint."""

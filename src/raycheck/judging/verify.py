@@ -6,7 +6,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ from raycheck.base.machine import machine, raycheck_version
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda, supported
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_images import image_paths, judge_files
-from raycheck.judging.judge_renderer import judge_task
+from raycheck.judging.judge_renderer import Survey, judge_surveyed, judge_task, survey
 from raycheck.judging.settings import QUICK_CASE_SECONDS, QUICK_SECONDS, THOROUGH_SECONDS, Settings
+from raycheck.judging.timetable import Budget, Timetable
 from raycheck.renderers.manifest import manifest_for
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import variants
@@ -45,6 +46,8 @@ def verify(
     limits: Limits = Limits(),
     earlier: Sequence[Case] = (),
     on_case: Callable[[Case, int], None] | None = None,
+    on_plan: Callable[[Timetable], None] | None = None,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> Verification:
     """Judge a renderer on scenes that have references.
 
@@ -61,11 +64,13 @@ def verify(
     names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical ones, of which
     a quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
     scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
-    quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
+    quick run: what it is not enough for is not started, and left out; 90 where nothing is said, which the
+    first case alone may exceed, or none with `spp`. It is told by `on_plan` before the first verdict, by
+    `clock`. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
     same. `on_case(case, cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing
     can be judged.
     """
-    started = time.perf_counter()
+    started = clock()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes
     named = [variants.variant(scene, parameters) for scene in scenes or variants.scene_names()]
     own = manifest_for(renderer)
@@ -77,15 +82,16 @@ def verify(
         cases = [_judge_pictures(named, len(scenes), images, bool(renderer or techniques), limits)]
         if on_case:
             on_case(cases[0], 1)
-        return Verification(cases, _header(started, cases, {}, thorough, seed, jobs))
+        return Verification(cases, _header(clock() - started, cases, {}, thorough, seed, jobs))
     if renderer is not None and techniques:
         raise NotFound("--technique chooses among oneray's techniques: it does not go with --renderer")
     named, left_out = supported(named, own.needs if needs is None else Support.of(needs))
-    budget = QUICK_SECONDS if seconds is None else seconds
+    whole_time = seconds or (math.inf if thorough or spp else QUICK_SECONDS)
+    budget = Budget(whole_time, seconds is not None, clock, started)
     settings = Settings(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
         timeout=timeout or own.limits.picture_seconds or (600.0 if thorough else 60.0),
-        earlier={case.fingerprint: case for case in earlier if case.fingerprint},
+        earlier={case.fingerprint: case for case in earlier if case.fingerprint}, asked=seconds, clock=clock,
     )  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         if renderer is None:
@@ -98,8 +104,8 @@ def verify(
         agenda.left_out |= left_out
         for of in {task.label: task.of for task in agenda.tasks}.values():
             references.require(of)
-        cases = _judge_all(agenda, settings, budget, started, on_case)
-    return Verification(cases, _header(started, cases, agenda.left_out, thorough, seed, jobs))
+        cases = _Run(agenda, settings, budget, on_case, on_plan).judge_all()
+    return Verification(cases, _header(clock() - started, cases, agenda.left_out, thorough, seed, jobs))
 
 
 def _judge_pictures(
@@ -114,31 +120,109 @@ def _judge_pictures(
     return judge_files(named[0], image_paths(images), limits)
 
 
-def _judge_all(
-    agenda: Agenda, settings: Settings, budget: float, started: float,
-    on_case: Callable[[Case, int], None] | None,
-) -> list[Case]:  # fmt: skip
-    """All verdicts, a quick run's within the budget in seconds.
-    """
-    cases: list[Case] = []
-    truths: dict[str, Truth] = {}
-    taken: dict[str, range] = {}
-    for index, task in enumerate(agenda.tasks):
-        if task.label not in truths:
+@dataclass
+class _Run:
+    """The cases of a run: each is surveyed, and those that its seconds are enough for are judged."""
+
+    agenda: Agenda
+    settings: Settings
+    budget: Budget
+    on_case: Callable[[Case, int], None] | None
+    on_plan: Callable[[Timetable], None] | None
+    cases: list[Case] = field(default_factory=list)
+    truths: dict[str, tuple[Truth, range]] = field(default_factory=dict)
+    """And the seeds of their references."""
+
+    def judge_all(self) -> list[Case]:
+        """All verdicts; NotFound where the user's seconds are not enough for any."""
+        if math.isinf(self.budget.seconds):
+            self._plan(Timetable(self.budget, self._names()))
+            for task in self.agenda.tasks:
+                truth, taken = self._truth(task)
+                case = judge_task(task, truth, taken, self.settings)
+                self._add(_second_look(case, task, truth, taken, self.settings))
+            return self.cases
+        waiting = list(self.agenda.tasks)
+        chosen, longer, plan = self._survey(waiting)
+        self._plan(plan)
+        while chosen:
+            self._judge(chosen, plan.forced)
+            chosen = chosen[1:]
+            plan.planned = sum(map(self._least, chosen))
+            while not chosen and waiting and plan.has_room:  # something was judged sooner than planned
+                one = self._opened(waiting.pop(0))
+                if plan.take(one.task.label, self._least(one), decided=one.case is not None):
+                    chosen.append(one)
+                else:
+                    longer.append(one)
+        for task in (*(one.task for one in longer), *waiting):
+            self.agenda.left_out[task.name] = plan.why_not
+        return self.cases
+
+    def _names(self) -> list[tuple[str, str]]:
+        return [(task.label, task.technique) for task in self.agenda.tasks]
+
+    def _plan(self, plan: Timetable) -> None:
+        if self.on_plan:
+            self.on_plan(plan)
+
+    def _survey(self, waiting: list[Task]) -> tuple[list[Survey], list[Survey], Timetable]:
+        """Cases, taken from those `waiting`, that the seconds are enough for, and others that take longer. Of
+        these the shortest is judged all the same, where there is no other and the user set no seconds.
+        """
+        plan = Timetable(self.budget, self._names())
+        chosen: list[Survey] = []
+        longer: list[Survey] = []
+        while waiting and plan.has_room:
+            one = self._opened(waiting.pop(0))
+            if plan.take(one.task.label, self._least(one), decided=one.case is not None):
+                chosen.append(one)
+            else:
+                longer.append(one)
+        if longer and all(one.case and one.case.verdict is Outcome.SKIP for one in chosen):
+            shortest = min(longer, key=self._least)
+            if self.budget.asked:
+                raise NotFound(plan.not_enough(shortest.task.label, self._least(shortest)))
+            plan.forced = True
+            plan.fits.append(shortest.task.label)
+            longer.remove(shortest)
+            chosen.append(shortest)
+        return chosen, longer, plan
+
+    def _opened(self, task: Task) -> Survey:
+        truth, taken = self._truth(task)
+        ends = self.budget.ends - self.budget.own if self.budget.asked else math.inf
+        return survey(task, truth, taken, replace(self.settings, ends=ends))
+
+    def _least(self, one: Survey) -> float:
+        return one.least(self.settings.jobs, self.budget.own)
+
+    def _judge(self, chosen: Sequence[Survey], forced: bool) -> None:
+        """The first of those chosen, which leaves to each of the others what it takes at least; `forced`, it
+        takes what it takes.
+        """
+        budget, one = self.budget, chosen[0]
+        least = self._least(one)
+        spare = budget.left - sum(map(self._least, chosen))
+        share = min(least + max(spare, 0.0) / len(chosen), math.inf if budget.asked else QUICK_CASE_SECONDS)
+        timed = replace(
+            self.settings, case_seconds=max(share, least) - budget.own,
+            ends=math.inf if forced else budget.ends - budget.own,
+        )  # fmt: skip
+        self._add(judge_surveyed(one, timed))
+        if one.case is None:
+            budget.own = max(budget.own, budget.clock() - one.renders.last)
+
+    def _add(self, case: Case) -> None:
+        self.cases.append(case)
+        if self.on_case:
+            self.on_case(case, len(self.agenda.tasks))
+
+    def _truth(self, task: Task) -> tuple[Truth, range]:
+        if task.label not in self.truths:
             reference = references.load_reference(task.of)
-            truths[task.label] = truth_of(reference)
-            taken[task.label] = _reference_seeds(reference)
-        share = THOROUGH_SECONDS
-        if not settings.thorough:
-            each = budget / len(agenda.tasks)
-            left = max(budget - (time.perf_counter() - started), 0.0) / (len(agenda.tasks) - index)
-            share = min(QUICK_CASE_SECONDS, max(left, each / 2))  # what came before may not starve the rest
-        timed = replace(settings, case_seconds=share)
-        case = judge_task(task, truths[task.label], taken[task.label], timed)
-        cases.append(_second_look(case, task, truths[task.label], taken[task.label], timed))
-        if on_case:
-            on_case(cases[-1], len(agenda.tasks))
-    return cases
+            self.truths[task.label] = truth_of(reference), _reference_seeds(reference)
+        return self.truths[task.label]
 
 
 def _second_look(case: Case, task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
@@ -159,9 +243,8 @@ def _reference_seeds(reference: references.Reference) -> range:
 
 
 def _header(
-    started: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int
+    spent: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int
 ) -> dict[str, Any]:
-    spent = time.perf_counter() - started
     totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {
         "raycheck": raycheck_version(),
