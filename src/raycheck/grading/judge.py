@@ -250,7 +250,7 @@ class Grader:
             label = of.label if of.canonical else of.path
             return verify(
                 program, [label], seed=seed, spp=spp, jobs=1, limits=self.finds,
-                timeout=self.assignment.limits.picture_seconds,
+                timeout=self.assignment.limits.picture_seconds, times=False,
             ).cases[0]  # fmt: skip
 
         cases, spp = [look(0, task.spp)], task.spp

@@ -42,6 +42,9 @@ class Case:
     tile_differences: int = 0
     heavy_tailed: int = 0
     more_samples: float | None = None
+    """INCONCLUSIVE: how many times the samples would probably decide…"""
+    more_seconds: float | None = None
+    """…and the seconds that pictures of so many samples take."""
     closed_form: bool = False
     """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
     unbounded: bool = False

@@ -1,5 +1,6 @@
 """One case: a renderer's pictures of a scene, made with many seeds and judged."""
 
+import contextlib
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,7 +33,7 @@ from raycheck.judging.settings import (
     Settings,
     case_seeds,
 )
-from raycheck.judging.timetable import FLUCTUATION, START_SHARE, least_seconds, pace, seen
+from raycheck.judging.timetable import FEWEST_SPP, FLUCTUATION, SEEN, least_seconds, pace, seen
 from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
 from raycheck.stats.verdict import Outcome, judge
@@ -59,6 +60,8 @@ class Survey:
     """The probe, of one sample, and the first picture of the pilot."""
     pilot: list[Array] = field(default_factory=list)
     """That picture, (1, H, W, 3)."""
+    warm: float = math.inf
+    """Seconds of the probe when it was made again: the first picture of all may have waited for a disk."""
     seconds: float = 0.0
     case: Case | None = None
     """The verdict, where it is known already."""
@@ -71,8 +74,13 @@ class Survey:
     def times(self) -> dict[int, float]:
         """Seconds of the pictures by samples per pixel; the faster of two of the same."""
         probe, pilot = (made.seconds for made in self.first)
-        spp = self.renders.first_spp
+        spp, probe = self.renders.first_spp, min(probe, self.warm)
         return {1: probe, spp: pilot} if spp > 1 else {1: min(probe, pilot)}
+
+    def make_again(self) -> None:
+        """The probe, for its time."""
+        if not self.case and self.renders.first_spp > 1 and math.isinf(self.warm):
+            self.warm = self.renders.one(1, self.seeds[-1]).seconds
 
     def least(self, jobs: int, own: float) -> float:
         """Seconds that the rest of the case takes at least."""
@@ -171,8 +179,12 @@ class _Renders:
     pool: ThreadPoolExecutor | None
     labels: list[str] = field(default_factory=list)
     digests: list[str] = field(default_factory=list)
-    last: float = 0.0
-    """When the last picture was there, by the clock."""
+    there: list[float] = field(default_factory=list)
+    """When each picture was there, by the clock, those for times alone among them."""
+    most: int = 0
+    """Of how many in all, once these are planned…"""
+    each: float = 0.0
+    """…and the seconds of one."""
 
     @property
     def first_spp(self) -> int:
@@ -186,17 +198,20 @@ class _Renders:
             raise self.out_of_time()
         try:
             made = _render(self.task, self.truth, spp, seed, min(settings.timeout, left))
-            self.last = settings.clock()
+            self.there.append(settings.clock())
             return made
         except RenderTimeout:
             if left < settings.timeout:
                 raise self.out_of_time() from None
             raise
 
-    def out_of_time(self, needed: float | None = None) -> OutOfTime:
-        seconds = duration(self.settings.asked or 0.0)
-        need = f"; the rest would take about {duration(needed)} more" if needed else ""
-        return OutOfTime(f"the {seconds} of this run were over after {len(self.digests)} pictures{need}")
+    def out_of_time(self) -> OutOfTime:
+        seconds, made = duration(self.settings.asked or 0.0), len(self.there)
+        done = f"the {seconds} of this run were over after {made} picture{'' if made == 1 else 's'}"
+        if not self.most:
+            return OutOfTime(done)
+        more = duration((self.most - made) * self.each / self.settings.jobs)
+        return OutOfTime(f"{done} of {self.most}; {more} more would do")
 
     def render(self, spp: int, seeds: Sequence[int]) -> tuple[Array, list[Rendering]]:
         """Images of some seeds, (B, H, W, 3)."""
@@ -221,25 +236,37 @@ class _Renders:
 
     def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int], until: float) -> Plan:
         """How many samples to take, so that the sets are there at `until` by the clock; `times` get those of
-        pictures nearer to these. Where the start-up hides the pace of samples, more of them show it.
+        pictures nearer to these. Where the start-up hides the pace of the pilot's samples, more show it.
         """
         chosen = self._affordable(pilot, times, until)
         for seed in seeds:
-            most, found = max(times), pace(times)
-            hidden = found.sample * most < START_SHARE * found.start
-            if chosen.spp <= (most if hidden else TIMING_STEP * most):
+            most = max(times)
+            hidden = most == PILOT_SPP and times[most] < SEEN * times[1]
+            if chosen.spp <= TIMING_STEP * most and not hidden:
                 break
             times[TIMING_STEP * most] = self.render(TIMING_STEP * most, [seed])[1][0].seconds
             chosen = self._affordable(pilot, times, until)
         return chosen
 
+    def time_more(self, times: dict[int, float], seeds: Sequence[int], spp: float) -> None:
+        """Time pictures of more samples, up to `spp`, in the time that is left, until the pace of samples is
+        seen beside the start-up.
+        """
+        with contextlib.suppress(OutOfTime, RenderTimeout):
+            for seed in seeds:
+                most = max(times)
+                if most >= spp or most * TIMING_STEP > MOST_SPP or times[most] >= SEEN * min(times.values()):
+                    break
+                times[TIMING_STEP * most] = self.one(TIMING_STEP * most, seed).seconds
+
     def _affordable(self, pilot: Pilot, times: Mapping[int, float], until: float) -> Plan:
         """Samples per pixel: what the goals need, at most what the time allows."""
         settings, left = self.settings, until - self.settings.clock()
+        fewest = 1 if settings.thorough else FEWEST_SPP
 
         def most(seconds: float) -> int:
             each = min(seconds, left) * settings.jobs / PICTURES
-            return int(np.clip(pace(times).affordable(each), 1, MOST_SPP))
+            return int(np.clip(pace(times).affordable(each), fewest, MOST_SPP))
 
         wished = settings.wishes(self.truth, self.task.unbounded)
         wishes = [(goals, most(seconds)) for goals, seconds in wished]
@@ -259,13 +286,13 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
     mistake = gross_mistake(pilot_images, truth, renders.look(pilot_images))
     if mistake:
         return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
-    times = found_before.times | {first_spp: median(m.seconds for m in pilot_made)}
     pilot = measure_pilot(pilot_images, None if fixed else first_spp, truth)
     smallest, spp = SMALLEST, None if fixed else settings.spp
     if not fixed and not settings.spp:
-        again = renders.one(1, seeds[0]).seconds  # the first of all may have waited for a disk
-        times[1] = min(times[1], again)
-        chosen = renders.plan(pilot, times, seeds[-TIMING_SEEDS:], until)
+        found_before.make_again()
+    times = found_before.times | {first_spp: median(m.seconds for m in pilot_made)}
+    if not fixed and not settings.spp:
+        chosen = renders.plan(pilot, times, seeds[-TIMING_SEEDS:-1], until)
         smallest, spp = chosen.smallest, chosen.spp
         if not renders.task.independent:
             # The variance falls faster than 1/spp: the plan, which takes it as 1/spp, errs on the safe side
@@ -275,10 +302,10 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
     quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
     regions = truth.regions(spp or 1, pilot.skewness, smallest)
     second = 1 + PILOT_IMAGES + BATCHES
-    needed = PICTURES * pace(times).seconds(spp or 1) / settings.jobs
-    if settings.clock() + needed > settings.ends:
-        raise renders.out_of_time(needed)
+    renders.most, renders.each = len(renders.there) + PICTURES, pace(times).seconds(spp or 1)
     started = settings.clock()
+    if started + PICTURES * renders.each / settings.jobs > settings.ends:
+        raise renders.out_of_time()
     set_a, made_a = renders.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
     set_b, made_b = renders.render(spp or 1, seeds[second : second + BATCHES])
     rendering = settings.clock() - started
@@ -297,12 +324,13 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
     found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
-    told = pace(seen(times))
-
     def takes(more: float) -> float:
         """Seconds of so many times the samples: the start-up stays as it is, where it is known."""
         if fixed:
             return rendering * more
+        if settings.times:
+            renders.time_more(times, seeds[-TIMING_SEEDS:-1], more * (spp or 1))
+        told = pace(seen(times))
         return rendering * told.seconds(more * (spp or 1)) / max(told.seconds(spp or 1), 1e-9)
 
     found, sentence = conclude(
@@ -312,7 +340,8 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
         singles, _ = renders.render(1, seeds[1 : 1 + PILOT_IMAGES])
         capped = checks.capped_samples(singles, truth, renders.task.content.radiances)
         sentence += f"; {capped}" if capped else ""
-    return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions))
+    needs = {"more_seconds": takes(found.more_samples)} if found.outcome is Outcome.INCONCLUSIVE else {}
+    return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **needs, **figures(found, regions))
 
 
 def _fingerprint(task: Task, picture: str, truth: Truth, settings: Settings) -> str:

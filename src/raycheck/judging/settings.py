@@ -16,9 +16,9 @@ BATCHES = 32
 PILOT_IMAGES = 8
 PILOT_SPP = 16
 PICTURES = 2 * BATCHES
-TIMING_STEP, TIMING_SEEDS = 8, 4
-"""A plan for more than 8 times the samples that were timed is timed again nearer to it, so often at most: a
-short render's time says little of a long one's.
+TIMING_STEP, TIMING_SEEDS = 8, 5
+"""A plan for more than 8 times the samples that were timed is timed again nearer to it: a short render's
+time says little of a long one's. So many seeds are for times: the last for the probe's.
 """
 QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""
@@ -47,6 +47,8 @@ class Settings:
     """When by the clock the last picture must be there."""
     asked: float | None = None
     """The budget that the user set, to be named where it was over."""
+    times: bool = True
+    """Whether pictures may be rendered for their time alone, where `spp` says how many samples there are."""
     clock: Callable[[], float] = time.perf_counter
     limits: Limits = Limits()
     earlier: Mapping[str, Case] = field(default_factory=dict)

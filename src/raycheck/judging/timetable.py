@@ -16,7 +16,7 @@ from raycheck.judging.settings import PICTURES, PILOT_IMAGES
 START_SHARE = 0.25
 """Samples that take up to so much of the start-up's time are worth it: a case takes a quarter longer."""
 FEWEST_SPP = 4
-"""A case of fewer samples per pixel shows too little to be judged in a quick run."""
+"""A case that has time for no more samples per pixel shows too little: a quick run judges fewer cases."""
 FLUCTUATION = 0.85
 """Part of the time left that is planned for: another program may slow the rest."""
 OWN_SECONDS = 0.5
@@ -67,9 +67,9 @@ def least_seconds(times: Mapping[int, float], spp: int | None, jobs: int, own: f
     found = pace(times)
     pilot = (PILOT_IMAGES - 1) * times[max(times)]
     if spp is not None:
-        return own + (pilot + PICTURES * found.seconds(spp)) / jobs
+        return own + (pilot + PICTURES * found.seconds(spp)) / jobs / FLUCTUATION
     each = max(found.seconds(FEWEST_SPP), (1 + START_SHARE) * found.start)
-    return own + (pilot + PICTURES * each) / jobs
+    return own + (pilot + PICTURES * each) / jobs / FLUCTUATION
 
 
 @dataclass
@@ -174,6 +174,8 @@ class Timetable:
     def __str__(self) -> str:
         """What is said before the first verdict; empty where there is nothing to say."""
         cases = "case" if self.count == 1 else "cases"
+        if math.isinf(self.budget.seconds):
+            return ""
         scenes = ", ".join(dict.fromkeys(self.fits))
         if self.forced:
             usual = duration(self.budget.seconds)
@@ -185,7 +187,7 @@ class Timetable:
                 f"{duration(self.budget.seconds)} are enough for {fit} of {self.count} {cases}: {scenes}. "
                 f"--seconds {need} would do for all ({duration(need)})."
             )
-        if LONG < self.planned < math.inf:
+        if self.planned > LONG:
             return f"{self.count} {cases}, in {duration(self.planned)} to {duration(self.budget.left)}."
         return ""
 

@@ -48,6 +48,7 @@ def verify(
     on_case: Callable[[Case, int], None] | None = None,
     on_plan: Callable[[Timetable], None] | None = None,
     clock: Callable[[], float] = time.perf_counter,
+    times: bool = True,
 ) -> Verification:
     """Judge a renderer on scenes that have references.
 
@@ -63,12 +64,14 @@ def verify(
     `images`, a glob or paths, judges pictures of one scene that were already rendered. `scenes` are canonical
     names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical ones, of which
     a quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
-    scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
-    quick run: what it is not enough for is not started, and left out; 90 where nothing is said, which the
-    first case alone may exceed, or none with `spp`. It is told by `on_plan` before the first verdict, by
-    `clock`. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
-    same. `on_case(case, cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing
-    can be judged.
+    scenes' other depths. `parameters` replace `<default>` values of the scenes. Verdicts of `earlier` stand
+    where the renderer's first picture and the reference are still the same. `on_case(case, cases in all)` is
+    called after each verdict.
+
+    `seconds` is the budget of a quick run: what it is not enough for is not started, and left out. It is 90
+    where nothing is said, which one case alone may exceed, and none with `spp`. `on_plan` hears of it before
+    the first verdict. Time goes by `clock`, and `times` says whether a picture may be rendered for its time
+    alone where `spp` is given. Raises `raycheck.NotFound` where nothing can be judged.
     """
     started = clock()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes
@@ -92,6 +95,7 @@ def verify(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
         timeout=timeout or own.limits.picture_seconds or (600.0 if thorough else 60.0),
         earlier={case.fingerprint: case for case in earlier if case.fingerprint}, asked=seconds, clock=clock,
+        times=times,
     )  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         if renderer is None:
@@ -175,6 +179,8 @@ class _Run:
         longer: list[Survey] = []
         while waiting and plan.has_room:
             one = self._opened(waiting.pop(0))
+            if self._least(one) > plan.left:
+                one.make_again()
             if plan.take(one.task.label, self._least(one), decided=one.case is not None):
                 chosen.append(one)
             else:
@@ -211,7 +217,7 @@ class _Run:
         )  # fmt: skip
         self._add(judge_surveyed(one, timed))
         if one.case is None:
-            budget.own = max(budget.own, budget.clock() - one.renders.last)
+            budget.own = max(budget.own, budget.clock() - one.renders.there[-1])
 
     def _add(self, case: Case) -> None:
         self.cases.append(case)
