@@ -3,6 +3,7 @@ chosen by what they need.
 """
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -203,8 +204,7 @@ class TestManifest:
         for where, words in ((tmp_path, ("--renderer", "mine")), (mine, ())):
             done = subprocess.run(
                 [sys.executable, "-m", "raycheck", "verify", "furnace", "area-light", "--spp", "1", *words],
-                cwd=where, env={**dict(__import__("os").environ), **environment}, capture_output=True, text=True,
-                check=False,
+                cwd=where, env={**os.environ, **environment}, capture_output=True, text=True, check=False,
             )  # fmt: skip
             assert "Left out: furnace: needs sphere." in done.stdout, done.stdout + done.stderr
             assert "area-light  renderer" in done.stdout
@@ -290,7 +290,8 @@ class TestGrading:
         right = SceneResult("point-light", False, Outcome.PASS, "no bias")
         wrong = SceneResult("point-light", False, Outcome.FAIL, "too dark")
         for scenes, verdict, earned in (
-            ([skipped, right], Outcome.SKIP, 2), ([skipped, wrong], Outcome.FAIL, 0), ([skipped], Outcome.SKIP, 0),
+            ([skipped, right], Outcome.SKIP, 2), ([skipped, wrong], Outcome.FAIL, 0),
+            ([skipped], Outcome.SKIP, 0),
         ):  # fmt: skip
             task = points.earned(asked, asked.tasks[0], scenes)
             assert (task.verdict, task.points, task.pending) == (verdict, earned, 0)

@@ -324,6 +324,7 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
     found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
+
     def takes(more: float) -> float:
         """Seconds of so many times the samples: the start-up stays as it is, where it is known."""
         if fixed:

@@ -127,28 +127,36 @@ def plan(
         smallest = SMALLEST
         while smallest <= goals.coarsest:
             best = Plan(affordable[-1], smallest)
-            if _reached(pilot, truth, batches, goals, limits, best):
-                fits = (Plan(spp, smallest) for spp in affordable)
-                return next((p for p in fits if _reached(pilot, truth, batches, goals, limits, p)), best)
+            if reached(pilot, truth, batches, goals, limits, best.spp, smallest):
+                enough = (
+                    spp for spp in affordable if reached(pilot, truth, batches, goals, limits, spp, smallest)
+                )
+                return Plan(next(enough, best.spp), smallest)
             smallest *= 2
     return Plan(affordable[-1], SMALLEST)
 
 
-def _reached(pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, plan: Plan) -> bool:
-    spp, smallest = plan.spp, plan.smallest
+def reached(
+    pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, spp: float,
+    smallest: int = SMALLEST, sure: bool = True,
+) -> bool:  # fmt: skip
+    """Whether a PASS and the goals are expected of two sets of so many images of `spp` samples per pixel; with
+    bad luck too, if that is to be `sure`.
+    """
     regions = truth.regions(spp, pilot.skewness, smallest)
     height, width = truth.shape
     if len(regions) - 1 < goals.fineness * -(-height // smallest) * -(-width // smallest):
         return False
     expected = truth.expected(regions, spp)
     scale = np.where(expected.yardstick > 0, expected.yardstick, np.inf)
-    own = 1.2 * region_variances(pilot.sample_variance, regions) / (spp * batches)
+    spare, luck = (1.2, 2.5) if sure else (1.0, 1.5)
+    own = spare * region_variances(pilot.sample_variance, regions) / (spp * batches)
     one_set = np.sqrt(own + expected.variance) / scale
     both_sets = np.sqrt(own / 2 + expected.variance) / scale
     freedom = st.FREEDOM_SHARE * (batches - 1)
 
     tail = (1 - CONFIDENCE) / 2 / one_set.size
-    needed = (-special.stdtrit(2 * freedom, tail) + 2.5) * both_sets
+    needed = (-special.stdtrit(2 * freedom, tail) + luck) * both_sets
     if needed[0].max() > limits.image or needed[1:].max(initial=0.0) > limits.tile:
         return False
     level_image = SHARE_IMAGE * ALPHA / 3
