@@ -33,7 +33,7 @@ from raycheck.judging.settings import (
     Settings,
     case_seeds,
 )
-from raycheck.judging.timetable import FEWEST_SPP, FLUCTUATION, SEEN, least_seconds, pace, seen
+from raycheck.judging.timetable import FEWEST_SPP, FLUCTUATION, SEEN, case_seconds, pace, seen
 from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
 from raycheck.stats.verdict import Outcome, judge
@@ -82,12 +82,13 @@ class Survey:
         if not self.case and self.renders.first_spp > 1 and math.isinf(self.warm):
             self.warm = self.renders.one(1, self.seeds[-1]).seconds
 
-    def least(self, jobs: int, own: float) -> float:
-        """Seconds that the rest of the case takes at least."""
+    def least(self, jobs: int, own: float, spp: int) -> float:
+        """Seconds that the rest of the case takes, of `spp` samples per pixel where the plan may choose."""
         if self.case:
             return 0.0
         fixed = not self.task.renderer.takes_spp
-        return least_seconds(self.times, 1 if fixed else self.renders.settings.spp, jobs, own)
+        given = 1 if fixed else self.renders.settings.spp
+        return case_seconds(self.times, given or spp, jobs, own, planned=given is None)
 
 
 def survey(task: Task, truth: Truth, taken: range, settings: Settings) -> Survey:
@@ -206,7 +207,7 @@ class _Renders:
             raise
 
     def out_of_time(self) -> OutOfTime:
-        seconds, made = duration(self.settings.asked or 0.0), len(self.there)
+        seconds, made = duration(self.settings.budget), len(self.there)
         done = f"the {seconds} of this run were over after {made} picture{'' if made == 1 else 's'}"
         if not self.most:
             return OutOfTime(done)

@@ -140,8 +140,8 @@ def reached(
     pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, spp: float,
     smallest: int = SMALLEST, sure: bool = True,
 ) -> bool:  # fmt: skip
-    """Whether a PASS and the goals are expected of two sets of so many images of `spp` samples per pixel; with
-    bad luck too, if that is to be `sure`.
+    """Whether a PASS and the goals are expected of two sets of so many images of `spp` samples per pixel;
+    with bad luck too, if that is to be `sure`.
     """
     regions = truth.regions(spp, pilot.skewness, smallest)
     height, width = truth.shape

@@ -45,8 +45,8 @@ class Settings:
     """What a quick case may take, after its survey."""
     ends: float = math.inf
     """When by the clock the last picture must be there."""
-    asked: float | None = None
-    """The budget that the user set, to be named where it was over."""
+    budget: float = math.inf
+    """The seconds of the run, to be named where they were over."""
     times: bool = True
     """Whether pictures may be rendered for their time alone, where `spp` says how many samples there are."""
     clock: Callable[[], float] = time.perf_counter

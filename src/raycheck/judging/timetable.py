@@ -16,7 +16,7 @@ from raycheck.judging.settings import PICTURES, PILOT_IMAGES
 START_SHARE = 0.25
 """Samples that take up to so much of the start-up's time are worth it: a case takes a quarter longer."""
 FEWEST_SPP = 4
-"""A case that has time for no more samples per pixel shows too little: a quick run judges fewer cases."""
+"""Samples per pixel that a case takes at least, whatever time it has, if no fewer decide."""
 FLUCTUATION = 0.85
 """Part of the time left that is planned for: another program may slow the rest."""
 OWN_SECONDS = 0.5
@@ -60,16 +60,13 @@ def seen(times: Mapping[int, float]) -> Mapping[int, float]:
     return others if len(others) > 1 and max(others) >= SEEN * min(others) else times
 
 
-def least_seconds(times: Mapping[int, float], spp: int | None, jobs: int, own: float) -> float:
-    """What a case takes at least, after its probe and one picture of the pilot, of those seconds. `spp` are
-    the samples per pixel of the sets; None: what the plan says.
+def case_seconds(times: Mapping[int, float], spp: int, jobs: int, own: float, *, planned: bool) -> float:
+    """What a case takes after its probe and one picture of the pilot, of those seconds, if its sets have
+    `spp` samples per pixel, or where these are `planned` as many as cost little beside the start-up.
     """
     found = pace(times)
-    pilot = (PILOT_IMAGES - 1) * times[max(times)]
-    if spp is not None:
-        return own + (pilot + PICTURES * found.seconds(spp)) / jobs / FLUCTUATION
-    each = max(found.seconds(FEWEST_SPP), (1 + START_SHARE) * found.start)
-    return own + (pilot + PICTURES * each) / jobs / FLUCTUATION
+    each = max(found.seconds(spp), (1 + START_SHARE) * found.start if planned else 0.0)
+    return own + ((PILOT_IMAGES - 1) * times[max(times)] + PICTURES * each) / jobs / FLUCTUATION
 
 
 @dataclass
@@ -138,16 +135,18 @@ class Timetable:
         fewest = min(self.least, default=0.0)
         return self.left > fewest or (not self.fits and len(self.least) < TRIES)
 
-    def take(self, scene: str, least: float, *, decided: bool) -> bool:
-        """Whether a case fits that takes so long at least; if so it is planned."""
+    def take(self, scene: str, least: float, worth: float, *, decided: bool) -> bool:
+        """Whether a case fits that is worth so many seconds, or takes so many at least and is the first; if
+        so it is planned.
+        """
         if decided:
             self.decided += 1
             return True
-        self.least.append(least)
-        if least > self.left:
+        self.least.append(worth if self.fits else least)
+        if self.least[-1] > self.left:
             return False
         self.fits.append(scene)
-        self.planned += least
+        self.planned += min(worth, self.left)
         return True
 
     @property
@@ -188,7 +187,7 @@ class Timetable:
                 f"--seconds {need} would do for all ({duration(need)})."
             )
         if self.planned > LONG:
-            return f"{self.count} {cases}, in {duration(self.planned)} to {duration(self.budget.left)}."
+            return f"{self.count} {cases}, in at most {duration(self.budget.left)}."
         return ""
 
 

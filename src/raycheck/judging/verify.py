@@ -18,8 +18,14 @@ from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_images import image_paths, judge_files
 from raycheck.judging.judge_renderer import Survey, judge_surveyed, judge_task, survey
-from raycheck.judging.settings import QUICK_CASE_SECONDS, QUICK_SECONDS, THOROUGH_SECONDS, Settings
-from raycheck.judging.timetable import Budget, Timetable
+from raycheck.judging.settings import (
+    PILOT_SPP,
+    QUICK_CASE_SECONDS,
+    QUICK_SECONDS,
+    THOROUGH_SECONDS,
+    Settings,
+)
+from raycheck.judging.timetable import FEWEST_SPP, Budget, Timetable
 from raycheck.renderers.manifest import manifest_for
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import variants
@@ -94,8 +100,8 @@ def verify(
     settings = Settings(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
         timeout=timeout or own.limits.picture_seconds or (600.0 if thorough else 60.0),
-        earlier={case.fingerprint: case for case in earlier if case.fingerprint}, asked=seconds, clock=clock,
-        times=times,
+        earlier={case.fingerprint: case for case in earlier if case.fingerprint},
+        budget=whole_time, clock=clock, times=times,
     )  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         if renderer is None:
@@ -152,10 +158,10 @@ class _Run:
         while chosen:
             self._judge(chosen, plan.forced)
             chosen = chosen[1:]
-            plan.planned = sum(map(self._least, chosen))
+            plan.planned = sum(map(self._worth, chosen))
             while not chosen and waiting and plan.has_room:  # something was judged sooner than planned
                 one = self._opened(waiting.pop(0))
-                if plan.take(one.task.label, self._least(one), decided=one.case is not None):
+                if plan.take(one.task.label, self._least(one), self._worth(one), decided=bool(one.case)):
                     chosen.append(one)
                 else:
                     longer.append(one)
@@ -179,9 +185,9 @@ class _Run:
         longer: list[Survey] = []
         while waiting and plan.has_room:
             one = self._opened(waiting.pop(0))
-            if self._least(one) > plan.left:
+            if self._worth(one) > plan.left:
                 one.make_again()
-            if plan.take(one.task.label, self._least(one), decided=one.case is not None):
+            if plan.take(one.task.label, self._least(one), self._worth(one), decided=bool(one.case)):
                 chosen.append(one)
             else:
                 longer.append(one)
@@ -201,7 +207,12 @@ class _Run:
         return survey(task, truth, taken, replace(self.settings, ends=ends))
 
     def _least(self, one: Survey) -> float:
-        return one.least(self.settings.jobs, self.budget.own)
+        """Seconds of a case that hardly has samples."""
+        return one.least(self.settings.jobs, self.budget.own, FEWEST_SPP)
+
+    def _worth(self, one: Survey) -> float:
+        """Seconds from which a case is better judged than others that have more."""
+        return one.least(self.settings.jobs, self.budget.own, PILOT_SPP)
 
     def _judge(self, chosen: Sequence[Survey], forced: bool) -> None:
         """The first of those chosen, which leaves to each of the others what it takes at least; `forced`, it
