@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from statistics import median
 
@@ -21,7 +21,7 @@ from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
 from raycheck.judging.looks import Look, look
-from raycheck.judging.plan import Pilot, Plan, measure_pilot, plan
+from raycheck.judging.plan import Pilot, Plan, measure_pilot, more_needed, plan
 from raycheck.judging.settings import (
     BATCHES,
     MOST_SPP,
@@ -325,6 +325,10 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
     found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
+    if spp and found.outcome is Outcome.INCONCLUSIVE:
+        seen_now = replace(pilot, sample_variance=spp * both.var(axis=0, ddof=1))
+        more = more_needed(seen_now, truth, BATCHES, settings.limits, spp, smallest)
+        found = replace(found, more_samples=max(found.more_samples, more))
 
     def takes(more: float) -> float:
         """Seconds of so many times the samples: the start-up stays as it is, where it is known."""

@@ -136,6 +136,25 @@ def plan(
     return Plan(affordable[-1], SMALLEST)
 
 
+MOST_MORE = 1e5
+FINER = 1.15
+"""Steps of how many times the samples."""
+
+
+def more_needed(
+    pilot: Pilot, truth: Truth, batches: int, limits: Limits, spp: int, smallest: int = SMALLEST
+) -> float:
+    """How many times the `spp` samples per pixel a PASS probably needs: with more of them skewed tiles are no
+    longer merged, and each has to be known by itself.
+    """
+    more = 1.0
+    while more < MOST_MORE:
+        if reached(pilot, truth, batches, Goals(fineness=0.0), limits, more * spp, smallest, sure=False):
+            return more
+        more *= FINER
+    return more
+
+
 def reached(
     pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, spp: float,
     smallest: int = SMALLEST, sure: bool = True,
