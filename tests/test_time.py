@@ -147,6 +147,22 @@ def test_a_slow_start_gets_the_samples_that_cost_nothing() -> None:
     assert noisy.now < 1.6 * 73 * noisy.start
 
 
+def test_a_start_that_leaves_no_time_gets_them_too() -> None:
+    """Also where times from picture to picture differ by more than samples take."""
+    slow = Simulated(start=2.0, sample=4e-4)
+    [case] = judged(slow).cases
+    assert case.verdict is Outcome.PASS and case.spp >= 24
+    for seed in range(4):
+        one = Simulated(start=0.5, sample=4e-4, noise=20.0, swing=0.25)
+        [case] = judged(one, seconds=75, seed=seed).cases
+        assert case.spp >= 64, (seed, case.spp)
+
+
+def test_a_slow_pace_gets_a_few_samples_at_least() -> None:
+    [case] = judged(Simulated(start=0.01, sample=0.5)).cases
+    assert case.verdict is not Outcome.FAIL and case.spp >= 4
+
+
 def test_what_would_decide_weighs_the_start() -> None:
     """110 times the samples are not 110 times as long."""
     one = Simulated(start=0.4, sample=1e-4, noise=400.0)

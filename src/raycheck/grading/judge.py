@@ -263,8 +263,6 @@ class Grader:
         if cases[-1].verdict is Outcome.FAIL and cases[-1].bias is not None:
             cases.append(look(2, spp))
         last = cases[-1]
-        if last.verdict is Outcome.SKIP:
-            return _scene_result(name, hidden, last, len(cases))
         enough = program.takes_spp and len(program.pictures.get(task.spp, ())) >= FEW_IMAGES
         if last.verdict is not Outcome.FAIL and enough:
             wrong = self._many_samples(task.spp, of, program, purpose)
