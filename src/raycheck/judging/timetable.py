@@ -96,8 +96,8 @@ class Budget:
         return max(self.ends - self.clock(), 0.0)
 
 
-TRIES = 3
-"""Cases that are surveyed though none is short enough."""
+TRIES, TRIED = 3, 0.1
+"""Cases that are surveyed though none is short enough, and the part of the time that this may take."""
 LONG = 10.0
 """Seconds from which a run says how long it will take."""
 
@@ -132,8 +132,9 @@ class Timetable:
     @property
     def has_room(self) -> bool:
         """Whether one more case may fit."""
-        fewest = min(self.least, default=0.0)
-        return self.left > fewest or (not self.fits and len(self.least) < TRIES)
+        budget, fewest = self.budget, min(self.least, default=0.0)
+        early = budget.left > (1 - TRIED) * budget.seconds
+        return self.left > fewest or (not self.fits and len(self.least) < TRIES and early)
 
     def take(self, scene: str, least: float, worth: float, *, decided: bool) -> bool:
         """Whether a case fits that is worth so many seconds, or takes so many at least and is the first; if
