@@ -77,8 +77,10 @@ class Noticed:
     """Were each judged by itself."""
 
 
-def judge_looks(sums: Array, pilot_images: Array, truth: Truth) -> Looks:
-    """Judge the sums (LOOKS, 64, rows, cols, 3) of images over the smallest squares, and 8 of a pilot."""
+def judge_looks(sums: Array, pilot_images: Array, truth: Truth, biased: bool) -> Looks:
+    """Judge the sums (LOOKS, 64, rows, cols, 3) of images over the smallest squares, and 8 of a pilot; also
+    `biased`.
+    """
     pilot = measure_pilot(pilot_images, SPP, truth, {SPP: 1.0})
     regions = truth.regions(SPP, pilot.skewness)
     expected = truth.expected(regions, SPP / max(pilot.noise, 1.0))
@@ -98,7 +100,8 @@ def judge_looks(sums: Array, pilot_images: Array, truth: Truth) -> Looks:
     p: Counter[str] = Counter()
     for one, other in zip(sets[0::2], sets[1::2], strict=True):
         p.update(p_values(one, other, expected, LEVELS))
-    return Looks(outcomes, largest, _sums_of_e(own, won), p, _injected(sets, regions, expected))
+    noticed = _injected(sets, regions, expected) if biased else {}
+    return Looks(outcomes, largest, _sums_of_e(own, won), p, noticed)
 
 
 def _sums_of_e(own: Sequence[st.Moments], won: Sequence[Array]) -> dict[str, list[float]]:
@@ -212,9 +215,9 @@ def render_looks(configuration: Configuration, index: int, render: Render) -> tu
 
 
 def judge_set(configuration: Configuration, index: int, pilot: Array, sums: Array, truth: Truth) -> Set:
-    whole = judge_looks(sums, pilot, truth)
+    whole = judge_looks(sums, pilot, truth, biased=True)
     parts = [
-        judge_looks(sums[:, :, *in_squares(tile).window], pilot[:, *tile.window], part)
+        judge_looks(sums[:, :, *in_squares(tile).window], pilot[:, *tile.window], part, biased=False)
         for tile, part in parts_of(truth)
     ]
     e = {family: list(np.sum([one.e[family] for one in parts], axis=0)) for family in ("image", "tile")}

@@ -36,6 +36,22 @@ JunitFile = Annotated[
 Seconds = Annotated[
     float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
 ]
+Until = Annotated[
+    float | None,
+    typer.Option(
+        min=1,
+        metavar="SECONDS",
+        help="Look again, with fresh samples, at what is not decided, so long; the level holds all the same.",
+    ),
+]
+Level = Annotated[
+    float | None,
+    typer.Option(
+        min=1e-7,
+        max=0.05,
+        help="Chance that any FAIL of the whole run is wrong; by default 1e-5 for each case.",
+    ),
+]
 Delta = Annotated[
     float | None,
     typer.Option(

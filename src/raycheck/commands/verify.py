@@ -18,6 +18,8 @@ def verify(
     json_file: options.JsonFile = None,
     junit: options.JunitFile = None,
     seconds: options.Seconds = None,
+    until: options.Until = None,
+    level: options.Level = None,
     delta: options.Delta = None,
     thorough: options.Thorough = False,
     resume: options.Resume = False,
@@ -33,6 +35,14 @@ def verify(
     writable(junit)
     if thorough and seconds is not None:
         raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
+    if until is not None and (thorough or seconds is not None):
+        raise NotFound(
+            "--until says how long the run may take: it goes with neither --seconds nor --thorough"
+        )
+    if images is not None and (until is not None or level is not None):
+        raise NotFound(
+            "--images judges the pictures that there are: it goes with neither --until nor --level"
+        )
     if resume and json_file is None:
         raise NotFound("--resume goes on with the run in --json FILE: name it")
     parameters = parse_settings(settings)
@@ -54,8 +64,9 @@ def verify(
         result = run_verification(
             renderer, scenes or (), parameters=parameters, techniques=technique or (),
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
+            until=until, level=level,
             limits=limits, earlier=kept,
-            on_case=work.saving(json_file, kept, on_case) if thorough else on_case,
+            on_case=work.saving(json_file, kept, on_case) if thorough or until else on_case,
         )  # fmt: skip
     work.show(result)
     if json_file:

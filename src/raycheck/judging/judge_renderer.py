@@ -30,7 +30,7 @@ from raycheck.judging.settings import (
 )
 from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
-from raycheck.stats.verdict import Outcome, judge
+from raycheck.stats.verdict import ALPHA, Judgement, Outcome, judge
 from raycheck.truth.expected import Truth
 from raycheck.truth.provenance import provenance
 
@@ -42,13 +42,27 @@ def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Ca
     """Render and judge one case; `taken` are the seeds of the reference. Raises CannotRender where the
     renderer says that it cannot render the scene.
     """
-    rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
-    case = case_maker(task.label, task.technique, truth, unbounded=task.unbounded, provenance=rests)
+    case = maker(task, truth)
     technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
     seeds = case_seeds(task.label, technique, settings.seed, taken)
+
+    def judging() -> Case:
+        with pool_of(settings.jobs) as pool:
+            return _judge_renders(Renders(task, truth, settings, pool), seeds, case)
+
+    return ended(judging, task, case)
+
+
+def maker(task: Task, truth: Truth) -> Callable[..., Case]:
+    """As `case_maker` gives it, with what the verdict on this task rests on."""
+    rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
+    return case_maker(task.label, task.technique, truth, unbounded=task.unbounded, provenance=rests)
+
+
+def ended(judging: Callable[[], Case], task: Task, case: Callable[..., Case]) -> Case:
+    """What was judged, or the case that an error of the renderer is; CannotRender is raised on."""
     try:
-        with _pool(settings.jobs) as pool:
-            return _judge_renders(_Renders(task, truth, settings, pool), seeds, case)
+        return judging()
     except Broken as error:
         return case(Outcome.FAIL, str(error))
     except RenderTimeout as error:
@@ -62,7 +76,7 @@ def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Ca
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[ThreadPoolExecutor | None]:
+def pool_of(jobs: int) -> Iterator[ThreadPoolExecutor | None]:
     """A thread pool that drops what is waiting as soon as something goes wrong; none for a single job, which
     this thread does.
     """
@@ -77,7 +91,7 @@ def _pool(jobs: int) -> Iterator[ThreadPoolExecutor | None]:
 
 
 @dataclass
-class _Renders:
+class Renders:
     """The renders of one case: each goes through the plain checks, and no two may be the same."""
 
     task: Task
@@ -108,6 +122,25 @@ class _Renders:
     def look(self, images: Array) -> Look:
         return look(template_name(self.task.of), images, self.truth, self.task.content.lights)
 
+    def noise_problem(self, few: Array, both: Array, spp: int | None, pilot: Pilot) -> str | None:
+        """What is wrong with the noise of both sets (B, H, W, 3) beside that of the pilot's `few` images."""
+        if not self.task.independent:
+            return None
+        problem = checks.shared_noise(both, self.task.content.filtered)
+        if spp is None or problem:
+            return problem
+        tame = self.truth.regions(PILOT_SPP, pilot.skewness)
+        return checks.stuck_noise(region_means(few, tame), PILOT_SPP, region_means(both, tame), spp)
+
+    def capped(self, found: Judgement, seeds: Sequence[int]) -> str:
+        """The end of the sentence of a FAIL whose samples seem to be clamped."""
+        dark = found.outcome is Outcome.FAIL and found.bias_high < 0
+        if not dark or not self.task.renderer.takes_spp:
+            return ""
+        singles, _ = self.render(1, seeds)
+        told = checks.capped_samples(singles, self.truth, self.task.content.radiances)
+        return f"; {told}" if told else ""
+
     def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int]) -> tuple[Pilot, Plan]:
         """How many samples to take, and the pilot with times from nearer to them."""
         chosen = _affordable(pilot, self.truth, self.settings, self.task.unbounded)
@@ -122,12 +155,12 @@ class _Renders:
         return pilot, chosen
 
 
-def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case]) -> Case:
+def _judge_renders(renders: Renders, seeds: list[int], case: Callable[..., Case]) -> Case:
     """A probe of one sample, a pilot that plans, two sets of images; plain checks come before statistics."""
     truth, settings = renders.truth, renders.settings
     fixed = not renders.task.renderer.takes_spp
     _, probe = renders.render(1, seeds[:1])
-    fingerprint = _fingerprint(renders.task, renders.digests[0], truth, settings)
+    fingerprint = fingerprint_of(renders.task, renders.digests[0], truth, settings)
     if fingerprint in settings.earlier:
         return settings.earlier[fingerprint]
     case = partial(case, fingerprint=fingerprint)
@@ -155,32 +188,27 @@ def _judge_renders(renders: _Renders, seeds: list[int], case: Callable[..., Case
     set_b, _ = renders.render(spp or 1, seeds[second : second + BATCHES])
     renders.check_seeds()
     both = np.concatenate([set_a, set_b])
-    problem = checks.shared_noise(both, renders.task.content.filtered)
-    if not fixed and not problem:
-        tame = truth.regions(first_spp, pilot.skewness)
-        few = region_means(pilot_images, tame)
-        problem = checks.stuck_noise(few, first_spp, region_means(both, tame), spp or 1)
-    if problem and renders.task.independent:
+    problem = renders.noise_problem(pilot_images, both, spp, pilot)
+    if problem:
         return case(Outcome.FAIL, problem, spp=spp, images=2 * BATCHES)
     means = region_means(both, regions)
     residuals = means - region_means(truth.mean, regions)
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
-    found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
+    found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits, settings.alpha)
     seconds = 2 * BATCHES * pilot.seconds(spp or 1) / settings.jobs
     found, sentence = conclude(
         found, regions, partial(renders.look, both), precision=probe[0].image.precision, seconds=seconds
     )
-    if found.outcome is Outcome.FAIL and not fixed and found.bias_high < 0:
-        singles, _ = renders.render(1, seeds[1 : 1 + PILOT_IMAGES])
-        capped = checks.capped_samples(singles, truth, renders.task.content.radiances)
-        sentence += f"; {capped}" if capped else ""
+    sentence += renders.capped(found, seeds[1 : 1 + PILOT_IMAGES])
     return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions))
 
 
-def _fingerprint(task: Task, picture: str, truth: Truth, settings: Settings) -> str:
+def fingerprint_of(task: Task, picture: str, truth: Truth, settings: Settings) -> str:
     what = (METHOD, task.label, task.technique, picture, truth.digest)
-    how = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
+    how: tuple[object, ...] = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
+    if settings.repeated or settings.alpha != ALPHA:
+        how = (*how, settings.repeated, settings.alpha)
     return hashlib.blake2b(repr((what, how)).encode(), digest_size=16).hexdigest()
 
 

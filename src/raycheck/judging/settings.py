@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from raycheck.base.seeds import make_seeds
 from raycheck.judging.cases import Case
 from raycheck.judging.plan import Goals
-from raycheck.stats.verdict import Limits
+from raycheck.stats.verdict import ALPHA, Limits
 from raycheck.truth.expected import Truth
 
 BATCHES = 32
@@ -40,6 +40,10 @@ class Settings:
     timeout: float = 60.0
     case_seconds: float = QUICK_CASE_SECONDS
     limits: Limits = Limits()
+    alpha: float = ALPHA
+    """Chance of a wrong FAIL of each case, however often it is looked at."""
+    repeated: bool = False
+    """Looked at until it is decided, see judging.repeated."""
     earlier: Mapping[str, Case] = field(default_factory=dict)
     """Verdicts that stand, by fingerprint."""
 

@@ -18,10 +18,11 @@ from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_images import image_paths, judge_files
 from raycheck.judging.judge_renderer import judge_task
+from raycheck.judging.repeated import Repeated, judge_until
 from raycheck.judging.settings import QUICK_CASE_SECONDS, QUICK_SECONDS, THOROUGH_SECONDS, Settings
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import variants
-from raycheck.stats.verdict import Limits, Outcome
+from raycheck.stats.verdict import ALPHA, LEAST_ALPHA, Limits, Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
 
@@ -38,6 +39,8 @@ def verify(
     spp: int | None = None,
     jobs: int | None = None,
     seconds: float | None = None,
+    until: float | None = None,
+    level: float | None = None,
     timeout: float | None = None,
     limits: Limits = Limits(),
     earlier: Sequence[Case] = (),
@@ -56,9 +59,10 @@ def verify(
     names, labels ("furnace@depth=2") or scene files, or one of these; none means all canonical ones, of which
     a quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
     scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
-    quick run. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
-    same. `on_case(case, cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing
-    can be judged.
+    quick run. With `until` what is not decided is looked at again, with fresh samples, for so many seconds.
+    `level` is the chance that any FAIL of the whole run is wrong, by default 1e-5 for each case. Verdicts of
+    `earlier` stand where the renderer's first picture and the reference are still the same. `on_case(case,
+    cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing can be judged.
     """
     started = time.perf_counter()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes
@@ -74,7 +78,7 @@ def verify(
     budget = QUICK_SECONDS if seconds is None else seconds
     settings = Settings(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
-        timeout=timeout or (600.0 if thorough else 60.0),
+        timeout=timeout or (600.0 if thorough else max(60.0, until or 0.0)), repeated=until is not None,
         earlier={case.fingerprint: case for case in earlier if case.fingerprint},
     )  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
@@ -87,8 +91,46 @@ def verify(
             agenda = renderer_agenda(renderer, named, Path(folder), explicit=bool(scenes))
         for of in {task.label: task.of for task in agenda.tasks}.values():
             references.require(of)
-        cases = _judge_all(agenda, settings, budget, started, on_case)
-    return Verification(cases, _header(started, cases, agenda.left_out, thorough, seed, jobs))
+        settings = replace(settings, alpha=_level_of_case(level, len(agenda.tasks)))
+        if until is None:
+            cases = _judge_all(agenda, settings, budget, started, on_case)
+        else:
+            cases = _judge_until(agenda, settings, started + until, on_case)
+    header = _header(started, cases, agenda.left_out, thorough, seed, jobs, settings.alpha)
+    return Verification(cases, header | ({} if until is None else {"until": until}))
+
+
+def _level_of_case(level: float | None, cases: int) -> float:
+    """The chance of a wrong FAIL of each case; NotFound where tails so far out were never measured."""
+    each = ALPHA if level is None else level / cases
+    if each < LEAST_ALPHA:
+        many = f"for {cases} cases is {each:.2g} each"
+        raise NotFound(
+            f"--level {level:g} {many}, and p-values are known to {LEAST_ALPHA:g}: name fewer scenes"
+        )
+    return each
+
+
+def _judge_until(
+    agenda: Agenda, settings: Settings, ends: float, on_case: Callable[[Case, int], None] | None
+) -> list[Case]:
+    """All verdicts, each by as many looks as it takes."""
+    cases: list[Case] = []
+    looked = []
+    for task in agenda.tasks:
+        reference = references.load_reference(task.of)
+        looked.append(Repeated(task, truth_of(reference), set(_reference_seeds(reference)), settings))
+
+    def add(case: Case) -> None:
+        cases.append(case)
+        if on_case:
+            on_case(case, len(looked))
+
+    agenda.left_out |= judge_until(looked, ends, add)
+    if not cases:
+        raise NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
+    order = {(task.label, task.technique): number for number, task in enumerate(agenda.tasks)}
+    return sorted(cases, key=lambda case: order[case.scene, case.technique])
 
 
 def _judge_pictures(
@@ -155,14 +197,15 @@ def _reference_seeds(reference: references.Reference) -> range:
 
 
 def _header(
-    started: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int
-) -> dict[str, Any]:
+    started: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int,
+    alpha: float = ALPHA,
+) -> dict[str, Any]:  # fmt: skip
     spent = time.perf_counter() - started
     totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {
         "raycheck": raycheck_version(),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), "machine": machine(),
-        "mode": "thorough" if thorough else "quick", "seed": seed, "jobs": jobs, "alpha": 1e-5,
+        "mode": "thorough" if thorough else "quick", "seed": seed, "jobs": jobs, "alpha": alpha,
         "totals": totals | {"seconds": round(max(spent, sum(case.seconds for case in cases)), 1)},
         "left_out": dict(left_out),
     }  # fmt: skip

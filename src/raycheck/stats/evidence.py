@@ -114,10 +114,17 @@ def detection_factor(
     def noticed(factor: float) -> float:
         t = factor * np.sqrt(sizes) + noise
         found = (t[:, :2] > critical).all(axis=1)
-        product = np.cumsum(log_e(special.stdtr(freedom, -t)), axis=1)[:, 3::2]
+        product = np.cumsum(np.interp(t, *_table(freedom)), axis=1)[:, 3::2]
         return float((found | (product >= threshold).any(axis=1)).mean())
 
     return _least(noticed, power)
+
+
+@functools.lru_cache(maxsize=256)
+def _table(freedom: float) -> tuple[Array, Array]:
+    """t, and ln e of its p-value: which ends to rise where p is FLOOR."""
+    t = np.linspace(-8.0, -float(special.stdtrit(freedom, FLOOR)), 2000)
+    return t, log_e(special.stdtr(freedom, -t))
 
 
 def detection_factor_apart(looks: int, freedom: float, level: float, power: float = 0.9) -> float:

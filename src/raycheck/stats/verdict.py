@@ -18,6 +18,8 @@ from raycheck.stats.tiles import Tile
 
 ALPHA = 1e-5
 """Chance of a wrong FAIL of one case (a scene and a technique)."""
+LEAST_ALPHA = 1e-7
+"""Less would rest on p-values of a set below 1e-5, of which null runs have seen too few."""
 SHARE_IMAGE, SHARE_TILES, SHARE_OMNIBUS = 0.4, 0.4, 0.2
 """How the three tests share it."""
 SYSTEMATIC = 5e-4

@@ -10,7 +10,7 @@ from raycheck.base.text import duration, one_line, percent, signed
 from raycheck.commands.support import COLOURS, Columns, Output
 from raycheck.judging import sentences
 from raycheck.judging.cases import Case, Verification
-from raycheck.stats.verdict import Outcome
+from raycheck.stats.verdict import ALPHA, Outcome
 
 
 def show(result: Verification) -> None:
@@ -43,8 +43,18 @@ def show(result: Verification) -> None:
     console.print()
     console.print(sentence + ".", highlight=False)
     console.print(_judged_against(result.cases), highlight=False, markup=False, soft_wrap=True)
+    console.print(_chance(result), highlight=False, markup=False, soft_wrap=True)
     for line in sentences.left_out(result.header.get("left_out", {})):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _chance(result: Verification) -> str:
+    """Says how often a run like this of a renderer that is right has a FAIL, at most."""
+    alpha, cases = float(result.header.get("alpha", ALPHA)), len(result.cases)
+    again = sum(case.looks > 1 for case in result.cases) if result.header.get("mode") == "thorough" else 0
+    each = f"{cases} case{'s' if cases != 1 else ''} × {alpha:.2g}"
+    each += f", {again} looked at twice" if again else ""
+    return f"Chance of a wrong FAIL in such a run: at most {(cases + again) * alpha:.2g} ({each})."
 
 
 def _judged_against(cases: list[Case]) -> str:
