@@ -91,9 +91,9 @@ class Repeated:
         self.seconds += took
         if self.sets:
             self.predicted = took * (self.spp or 1) / self.sets[-1][1]
-        self.case = replace(
-            case, seconds=self.seconds, fingerprint=self.begun.fingerprint if self.begun else ""
-        )
+        self.case = replace(case, seconds=self.seconds)
+        if self.begun:
+            self.case = replace(self.case, fingerprint=self.begun.fingerprint)
         return self.case
 
     def _look(self, make: Callable[..., Case]) -> Case:

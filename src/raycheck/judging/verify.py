@@ -91,7 +91,7 @@ def verify(
             agenda = renderer_agenda(renderer, named, Path(folder), explicit=bool(scenes))
         for of in {task.label: task.of for task in agenda.tasks}.values():
             references.require(of)
-        settings = replace(settings, alpha=_level_of_case(level, len(agenda.tasks)))
+        settings = replace(settings, alpha=level_of_case(level, len(agenda.tasks)))
         if until is None:
             cases = _judge_all(agenda, settings, budget, started, on_case)
         else:
@@ -100,7 +100,7 @@ def verify(
     return Verification(cases, header | ({} if until is None else {"until": until}))
 
 
-def _level_of_case(level: float | None, cases: int) -> float:
+def level_of_case(level: float | None, cases: int) -> float:
     """The chance of a wrong FAIL of each case; NotFound where tails so far out were never measured."""
     each = ALPHA if level is None else level / cases
     if each < LEAST_ALPHA:

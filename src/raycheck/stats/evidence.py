@@ -82,15 +82,14 @@ class Evidence:
     @property
     def log_value(self) -> float:
         """ln of the weighted average of all products."""
-        image = special.logsumexp(self.image) - np.log(self.image.size)
-        cells = special.logsumexp(self.cells) - np.log(self.cells.size)
+        image, cells = (_log_sum(part) - np.log(part.size) for part in (self.image, self.cells))
         return float(np.logaddexp(np.log(IMAGE) + image, np.log(1 - IMAGE) + cells))
 
     def shares(self, regions: Sequence[Tile]) -> Array:
         """(R, 3) ln of what each region and channel adds to the average, of its stronger direction."""
         one = np.log(IMAGE / self.image.size) + self.image.max(axis=0)
         each = np.log((1 - IMAGE) / self.cells.size)
-        tiles = [special.logsumexp(self.cells[:, *in_squares(r).window], axis=(1, 2)) for r in regions[1:]]
+        tiles = [_log_sum(self.cells[:, *in_squares(r).window], axis=(1, 2)) for r in regions[1:]]
         return np.stack([one, *(each + tile.max(axis=0) for tile in tiles)])
 
     def thresholds(self, regions: Sequence[Tile], level: float) -> Array:
@@ -98,6 +97,12 @@ class Evidence:
         parts = [IMAGE / self.image.size]
         parts += [(1 - IMAGE) * in_squares(r).pixels / self.cells.size for r in regions[1:]]
         return np.asarray(-np.log(level) - np.log(parts))
+
+
+def _log_sum(logarithms: Array, axis: tuple[int, ...] | None = None) -> Array:
+    """ln Σ exp."""
+    most = logarithms.max(axis=axis, keepdims=True)
+    return np.asarray(np.log(np.exp(logarithms - most).sum(axis=axis)) + most.squeeze(axis))
 
 
 @functools.lru_cache(maxsize=256)
