@@ -10,7 +10,7 @@ def markdown(found: Mapping[str, Any]) -> str:
     """Kill rates and false alarms by rule, then what else was measured, a line each."""
     return "\n\n".join(
         [_rules(found["mutants"], found["nulls"]), _alarms(found["nulls"]), _power(found["mde"]),
-         _naming(found["naming"]), _unseen(found["unseen"]), _gradings(found["gradings"])]
+         _looks(found["looks"]),         _naming(found["naming"]), _unseen(found["unseen"]), _gradings(found["gradings"])]
     )  # fmt: skip
 
 
@@ -56,6 +56,29 @@ def _power(mde: Mapping[str, Any]) -> str:
         "A bias of 0.5, 1 and 2 times the printed detectable one, injected, is noticed by the test that it "
         f"was printed for: {'; '.join(said)}."
     )
+
+
+def _looks(found: Mapping[str, Any]) -> str:
+    power, p = found["power"], found["p_values"]["tile"]
+    rows = [name for name in power if name != "strengths"]
+    lines = ["| looks | 90 % detectable, together | each by itself | the printed bias is noticed: image | tile | "
+             "by single looks: image | tile |", "| ---: |" + " ---: |" * 6]  # fmt: skip
+    for looks in rows:
+        errors = power[looks]["standard_errors"]
+        shares = [
+            power[looks][family][rule][1] for rule in ("together", "apart") for family in ("image", "tile")
+        ]
+        cells = " | ".join(f"{100 * share:.0f} %" for share in shares)
+        lines.append(f"| {looks} | {errors['together']:.2f} | {errors['apart']:.2f} | {cells} |")
+    told = (
+        f"`verify --until`, {found['looks']} looks at each of {found['verdicts']:,} parts of images that are right: "
+        f"{found['false_alarms']} false alarms; the largest evidence is {found['largest_evidence']:.3g}, where a "
+        f"FAIL needs {found['needed_evidence']:,.0f}. The mean of e is {found['mean_e']['image']:.2f} (image) and "
+        f"{found['mean_e']['tile']:.2f} (tiles), at most 1 as it must be; p-values of tiles below 0.01, 0.001 and "
+        f"0.0001: {p['0.01']:.4f}, {p['0.001']:.5f}, {p['0.0001']:.6f} of {p['of']:,}. Biases in standard errors "
+        "of one set of a look, at the level of a case:"
+    )
+    return f"{told}\n\n" + "\n".join(lines)
 
 
 def _naming(naming: Mapping[str, Any]) -> str:
