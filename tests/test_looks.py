@@ -381,8 +381,8 @@ RENDERER = f"{sys.executable} tests/pfm_renderer.py {{output}} {{spp}} {{seed}}"
         (["--until", "soon"], "'--until'"),
         (["--level", "2"], "'--level'"),
         (["--level", "1e-6"], "name fewer scenes"),
-        (["--images", "x*.pfm", "--until", "5"], "goes with neither --until nor --level"),
-        (["--images", "x*.pfm", "--level", "0.01"], "goes with neither --until nor --level"),
+        (["--images", "x*.pfm", "--until", "5"], "goes with neither --until, --detect nor --level"),
+        (["--images", "x*.pfm", "--level", "0.01"], "goes with neither --until, --detect nor --level"),
     ],
 )
 def test_wrong_words_are_one_line(words, told):

@@ -1,6 +1,7 @@
 """raycheck calibrate: measure raycheck itself, into references/calibration.json.
 
-`nulls`, `looks`, `mutants` and `gradings` are split over processes or machines, each of which needs the checkout.
+`nulls`, `looks`, `mutants` and `gradings` are split over processes or machines, each of which needs the
+checkout.
 What measures is imported by the command that needs it: scipy.stats, for the rules of others, takes a second.
 """
 

@@ -44,6 +44,13 @@ Until = Annotated[
         help="Look again, with fresh samples, at what is not decided, so long; the level holds all the same.",
     ),
 ]
+Detect = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="Take the samples that show such a bias of the image, as in 0.5%; says first how long.",
+    ),
+]
 Level = Annotated[
     float | None,
     typer.Option(

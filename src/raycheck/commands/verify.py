@@ -5,7 +5,7 @@ import typer
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
 from raycheck.commands import options
-from raycheck.commands.support import parse_settings, progress_bar, writable
+from raycheck.commands.support import parse_bias, parse_settings, progress_bar, writable
 from raycheck.scene import techniques, variants
 
 
@@ -19,6 +19,7 @@ def verify(
     junit: options.JunitFile = None,
     seconds: options.Seconds = None,
     until: options.Until = None,
+    detect: options.Detect = None,
     level: options.Level = None,
     delta: options.Delta = None,
     thorough: options.Thorough = False,
@@ -39,10 +40,11 @@ def verify(
         raise NotFound(
             "--until says how long the run may take: it goes with neither --seconds nor --thorough"
         )
-    if images is not None and (until is not None or level is not None):
-        raise NotFound(
-            "--images judges the pictures that there are: it goes with neither --until nor --level"
-        )
+    bias = parse_bias(detect) if detect is not None else None
+    if bias is not None and (thorough or any(x is not None for x in (seconds, until, spp))):
+        raise NotFound("--detect says how many samples: not with --seconds, --until, --spp or --thorough")
+    if images is not None and any(x is not None for x in (until, bias, level)):
+        raise NotFound("--images judges what there is: it goes with neither --until, --detect nor --level")
     if resume and json_file is None:
         raise NotFound("--resume goes on with the run in --json FILE: name it")
     parameters = parse_settings(settings)
@@ -64,7 +66,8 @@ def verify(
         result = run_verification(
             renderer, scenes or (), parameters=parameters, techniques=technique or (),
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
-            until=until, level=level,
+            until=until, detect=bias, level=level,
+            on_plan=lambda planned: work.show_plan(planned, bias or 0.0),
             limits=limits, earlier=kept,
             on_case=work.saving(json_file, kept, on_case) if thorough or until else on_case,
         )  # fmt: skip

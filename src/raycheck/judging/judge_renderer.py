@@ -10,14 +10,15 @@ from functools import partial
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import CannotRender, RenderError, RenderLate, RenderTimeout
+from raycheck.base.errors import CannotRender, NotFound, RenderError, RenderLate, RenderTimeout
+from raycheck.base.text import percent
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task, kept_scene
 from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
 from raycheck.judging.looks import Look, look
-from raycheck.judging.plan import Pilot, Plan, measure_pilot, pace, plan
+from raycheck.judging.plan import Goals, Pilot, Plan, measure_pilot, pace, plan, reached
 from raycheck.judging.settings import (
     BATCHES,
     MOST_SPP,
@@ -51,6 +52,39 @@ def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Ca
             return _judge_renders(Renders(task, truth, settings, pool), seeds, case)
 
     return ended(judging, task, case)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What a case will take."""
+
+    task: Task
+    spp: int
+    seconds: float
+
+
+def plan_to_detect(task: Task, truth: Truth, taken: range, settings: Settings) -> Planned:
+    """The samples that show a bias of `settings.detect`, by a probe and a pilot as a verdict begins with;
+    NotFound where none can, RenderError.
+    """
+    goals = Goals(settings.detect)
+    if not task.renderer.takes_spp:
+        raise NotFound("--detect plans samples: the renderer command takes no {spp}")
+    seeds = case_seeds(task.label, task.technique, settings.seed, taken)
+    with pool_of(settings.jobs) as pool:
+        renders = Renders(task, truth, settings, pool)
+        _, [probe] = renders.render(1, seeds[:1])
+        images, made = renders.render(PILOT_SPP, seeds[1 : 1 + PILOT_IMAGES])
+        times = {1: probe.seconds, PILOT_SPP: min(one.seconds for one in made)}
+        pilot, chosen = renders.plan(
+            measure_pilot(images, PILOT_SPP, truth, times), times, seeds[-TIMING_SEEDS:]
+        )
+    if not reached(pilot, truth, BATCHES, goals, settings.limits, chosen):
+        noisy = f"not even {chosen.spp} samples per pixel would show it, or its reference is too noisy"
+        raise NotFound(
+            f"--detect {percent(settings.detect or 0.0)} on {task.label}, {task.technique}: {noisy}"
+        )
+    return Planned(task, chosen.spp, 2 * BATCHES * pilot.seconds(chosen.spp) / settings.jobs)
 
 
 def maker(task: Task, truth: Truth) -> Callable[..., Case]:
@@ -223,7 +257,7 @@ def _affordable(pilot: Pilot, truth: Truth, settings: Settings, unbounded: bool)
 
     def most(seconds: float) -> int:
         each = seconds * settings.jobs / (2 * BATCHES)
-        if pilot.sample_seconds <= 0:
+        if pilot.sample_seconds <= 0 or seconds == np.inf:
             return MOST_SPP
         return int(np.clip((each - pilot.start_seconds) / pilot.sample_seconds, 1, MOST_SPP))
 

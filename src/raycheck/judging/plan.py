@@ -149,14 +149,15 @@ def plan(
         smallest = SMALLEST
         while smallest <= goals.coarsest:
             best = Plan(affordable[-1], smallest)
-            if _reached(pilot, truth, batches, goals, limits, best):
+            if reached(pilot, truth, batches, goals, limits, best):
                 fits = (Plan(spp, smallest) for spp in affordable)
-                return next((p for p in fits if _reached(pilot, truth, batches, goals, limits, p)), best)
+                return next((p for p in fits if reached(pilot, truth, batches, goals, limits, p)), best)
             smallest *= 2
     return Plan(affordable[-1], SMALLEST)
 
 
-def _reached(pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, plan: Plan) -> bool:
+def reached(pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, plan: Plan) -> bool:
+    """Whether a PASS and the goals are expected of this plan."""
     spp, smallest = plan.spp, plan.smallest
     regions = truth.regions(spp, pilot.skewness, smallest)
     height, width = truth.shape

@@ -1,5 +1,6 @@
 """How much is rendered for a verdict: numbers of images and samples, and budgets."""
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
@@ -40,6 +41,8 @@ class Settings:
     timeout: float = 60.0
     case_seconds: float = QUICK_CASE_SECONDS
     limits: Limits = Limits()
+    detect: float | None = None
+    """Relative bias of the image to be noticed, however long it takes."""
     alpha: float = ALPHA
     """Chance of a wrong FAIL of each case, however often it is looked at."""
     repeated: bool = False
@@ -51,6 +54,8 @@ class Settings:
         """Detectable biases to reach and the seconds that they are worth, the best first; of samples without
         bound only what a PASS needs.
         """
+        if self.detect is not None:
+            return [(Goals(self.detect), math.inf)]
         most = THOROUGH_SECONDS if self.thorough else self.case_seconds
         if unbounded:
             return [(Goals(coarsest=max(truth.shape)), most)]

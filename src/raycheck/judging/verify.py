@@ -12,12 +12,12 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from raycheck.base.errors import CannotRender, NotFound
+from raycheck.base.errors import CannotRender, NotFound, RenderError
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_images import image_paths, judge_files
-from raycheck.judging.judge_renderer import judge_task
+from raycheck.judging.judge_renderer import Planned, judge_task, plan_to_detect
 from raycheck.judging.repeated import Repeated, judge_until
 from raycheck.judging.settings import QUICK_CASE_SECONDS, QUICK_SECONDS, THOROUGH_SECONDS, Settings
 from raycheck.renderers.renderer import Renderer
@@ -40,11 +40,13 @@ def verify(
     jobs: int | None = None,
     seconds: float | None = None,
     until: float | None = None,
+    detect: float | None = None,
     level: float | None = None,
     timeout: float | None = None,
     limits: Limits = Limits(),
     earlier: Sequence[Case] = (),
     on_case: Callable[[Case, int], None] | None = None,
+    on_plan: Callable[[Sequence[Planned]], None] | None = None,
 ) -> Verification:
     """Judge a renderer on scenes that have references.
 
@@ -60,6 +62,8 @@ def verify(
     a quick run of oneray picks cases that take in every technique and scene, and a thorough one adds the
     scenes' other depths. `parameters` replace `<default>` values of the scenes. `seconds` is the budget of a
     quick run. With `until` what is not decided is looked at again, with fresh samples, for so many seconds.
+    With `detect` each case takes the samples that show such a relative bias of the image with 90 %
+    probability, however long; `on_plan` is called first with what that is.
     `level` is the chance that any FAIL of the whole run is wrong, by default 1e-5 for each case. Verdicts of
     `earlier` stand where the renderer's first picture and the reference are still the same. `on_case(case,
     cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing can be judged.
@@ -78,7 +82,8 @@ def verify(
     budget = QUICK_SECONDS if seconds is None else seconds
     settings = Settings(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
-        timeout=timeout or (600.0 if thorough else max(60.0, until or 0.0)), repeated=until is not None,
+        timeout=timeout or (600.0 if thorough or detect else max(60.0, until or 0.0)),
+        repeated=until is not None,
         earlier={case.fingerprint: case for case in earlier if case.fingerprint},
     )  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
@@ -92,7 +97,9 @@ def verify(
         for of in {task.label: task.of for task in agenda.tasks}.values():
             references.require(of)
         settings = replace(settings, alpha=level_of_case(level, len(agenda.tasks)))
-        if until is None:
+        if detect is not None:
+            cases = _judge_planned(agenda, replace(settings, detect=detect), on_plan, on_case)
+        elif until is None:
             cases = _judge_all(agenda, settings, budget, started, on_case)
         else:
             cases = _judge_until(agenda, settings, started + until, on_case)
@@ -109,6 +116,31 @@ def level_of_case(level: float | None, cases: int) -> float:
             f"--level {level:g} {many}, and p-values are known to {LEAST_ALPHA:g}: name fewer scenes"
         )
     return each
+
+
+def _judge_planned(
+    agenda: Agenda, settings: Settings, on_plan: Callable[[Sequence[Planned]], None] | None,
+    on_case: Callable[[Case, int], None] | None,
+) -> list[Case]:  # fmt: skip
+    """All verdicts, with the samples that a detectable bias needs; what these are is said first."""
+    planned: list[tuple[Planned, Truth, range]] = []
+    for task in agenda.tasks:
+        reference = references.load_reference(task.of)
+        truth, taken = truth_of(reference), _reference_seeds(reference)
+        try:
+            planned.append((plan_to_detect(task, truth, taken, settings), truth, taken))
+        except RenderError as error:
+            agenda.left_out[f"{task.label}, {task.technique}"] = str(error)
+    if on_plan:
+        on_plan([one for one, _, _ in planned])
+    cases = []
+    for one, truth, taken in planned:
+        cases.append(judge_task(one.task, truth, taken, replace(settings, spp=one.spp)))
+        if on_case:
+            on_case(cases[-1], len(planned))
+    if not cases:
+        raise NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
+    return cases
 
 
 def _judge_until(

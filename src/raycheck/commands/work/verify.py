@@ -10,6 +10,7 @@ from raycheck.base.text import duration, one_line, percent, signed
 from raycheck.commands.support import COLOURS, Columns, Output
 from raycheck.judging import sentences
 from raycheck.judging.cases import Case, Verification
+from raycheck.judging.judge_renderer import Planned
 from raycheck.stats.verdict import ALPHA, Outcome
 
 
@@ -46,6 +47,18 @@ def show(result: Verification) -> None:
     console.print(_chance(result), highlight=False, markup=False, soft_wrap=True)
     for line in sentences.left_out(result.header.get("left_out", {})):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def show_plan(planned: Sequence[Planned], bias: float) -> None:
+    """How long it will take, before it begins."""
+    console = Output()
+    console.print(f"So that a bias of {percent(bias)} of the image is noticed with 90 % probability:")
+    table = Columns(("scene", "technique", "spp", "time"), right=("spp", "time"))
+    for one in planned:
+        table.add_row(escape(one.task.label), one.task.technique, str(one.spp), duration(one.seconds))
+    table.show(console)
+    whole = sum(one.seconds for one in planned)
+    console.print(f"About {duration(whole)} in all.\n", highlight=False)
 
 
 def _chance(result: Verification) -> str:
