@@ -51,6 +51,12 @@ Detect = Annotated[
         help="Take the samples that show such a bias of the image, as in 0.5%; says first how long.",
     ),
 ]
+Baseline = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="An earlier verify --json: also say which scenes changed since, and by how much."
+    ),
+]
 Level = Annotated[
     float | None,
     typer.Option(

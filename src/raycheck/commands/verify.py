@@ -21,6 +21,7 @@ def verify(
     until: options.Until = None,
     detect: options.Detect = None,
     level: options.Level = None,
+    baseline: options.Baseline = None,
     delta: options.Delta = None,
     thorough: options.Thorough = False,
     resume: options.Resume = False,
@@ -61,6 +62,7 @@ def verify(
     standard = Limits()
     limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
     going_on = resume and json_file is not None and json_file.is_file()
+    before = Verification.read(baseline) if baseline else None
     with progress_bar("verifying") as on_case:
         kept = Verification.read(json_file).cases if going_on and json_file else []
         result = run_verification(
@@ -72,6 +74,8 @@ def verify(
             on_case=work.saving(json_file, kept, on_case) if thorough or until else on_case,
         )  # fmt: skip
     work.show(result)
+    if before:
+        work.show_changes(before, result)
     if json_file:
         write_whole(json_file, result.to_json())
     if junit:

@@ -16,7 +16,7 @@ from raycheck.judging import checks
 from raycheck.judging.agenda import Task, kept_scene
 from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
-from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
+from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, measured, template_name
 from raycheck.judging.looks import Look, look
 from raycheck.judging.plan import Goals, Pilot, Plan, measure_pilot, pace, plan, reached
 from raycheck.judging.settings import (
@@ -235,7 +235,8 @@ def _judge_renders(renders: Renders, seeds: list[int], case: Callable[..., Case]
         found, regions, partial(renders.look, both), precision=probe[0].image.precision, seconds=seconds
     )
     sentence += renders.capped(found, seeds[1 : 1 + PILOT_IMAGES])
-    return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions))
+    beside = measured([(residuals[:, 0], 1)], both, truth, spp or 1, pilot.sample_seconds)
+    return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **figures(found, regions), **beside)
 
 
 def fingerprint_of(task: Task, picture: str, truth: Truth, settings: Settings) -> str:

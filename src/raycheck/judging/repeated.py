@@ -18,7 +18,7 @@ from raycheck.base.images import Image
 from raycheck.judging import sentences
 from raycheck.judging.agenda import Task
 from raycheck.judging.cases import Case
-from raycheck.judging.conclusion import conclude, figures, gross_mistake
+from raycheck.judging.conclusion import conclude, figures, gross_mistake, measured
 from raycheck.judging.judge_renderer import Renders, ended, fingerprint_of, maker, pool_of
 from raycheck.judging.plan import Pilot, measure_pilot
 from raycheck.judging.settings import BATCHES, MOST_SPP, PILOT_IMAGES, PILOT_SPP, Settings, case_seeds
@@ -119,7 +119,10 @@ class Repeated:
         )  # fmt: skip
         sentence += sentences.may_be_the_reference(found) + self.renders.capped(found, seeds[:PILOT_IMAGES])
         sentence += f" (after {looks} looks)" if looks > 1 else ""
+        pixels = self.truth.mean[..., 0].size
+        means = [(sums.sum(axis=(1, 2)) / pixels, n) for sums, n in self.sets]
         told = figures(found, regions) | {"looks": looks, "images": looks * 2 * BATCHES}
+        told |= measured(means, images, self.truth, spp or 1, self.begun.pilot.sample_seconds)
         return make(found.outcome, sentence, spp=spp, **told)
 
     def _seeds(self, look: int) -> list[int]:
@@ -144,7 +147,8 @@ class Repeated:
         mistake = gross_mistake(images, self.truth, self.renders.look(images))
         if mistake:
             return make(Outcome.FAIL, mistake, spp=spp, images=PILOT_IMAGES)
-        pilot = measure_pilot(images, spp, self.truth, {spp or 1: made[0].seconds})
+        times = {1: probe.seconds, spp or 1: min(one.seconds for one in made)}
+        pilot = measure_pilot(images, spp, self.truth, times)
         self.begun = Begun(probe.image, pilot, images, fingerprint)
         return None
 

@@ -8,7 +8,7 @@ from rich.markup import escape
 from raycheck.base.files import write_whole
 from raycheck.base.text import duration, one_line, percent, signed
 from raycheck.commands.support import COLOURS, Columns, Output
-from raycheck.judging import sentences
+from raycheck.judging import baseline, sentences
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_renderer import Planned
 from raycheck.stats.verdict import ALPHA, Outcome
@@ -59,6 +59,14 @@ def show_plan(planned: Sequence[Planned], bias: float) -> None:
     table.show(console)
     whole = sum(one.seconds for one in planned)
     console.print(f"About {duration(whole)} in all.\n", highlight=False)
+
+
+def show_changes(before: Verification, now: Verification) -> None:
+    """What changed since the baseline."""
+    console = Output()
+    console.print()
+    for line in baseline.lines(before, now):
+        console.print(one_line(line), highlight=False, markup=False, soft_wrap=True)
 
 
 def _chance(result: Verification) -> str:
