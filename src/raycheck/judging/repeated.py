@@ -127,7 +127,8 @@ class Repeated:
 
     def _seeds(self, look: int) -> list[int]:
         """The seeds of look 1, 2, …, that no other look has."""
-        name = self.task.technique if look == 1 else f"{self.task.technique}/look {look - 1}"
+        number = self.settings.look + look - 1
+        name = f"{self.task.technique}/look {number}" if number else self.task.technique
         seeds = case_seeds(self.task.label, name, self.settings.seed, self.taken)
         if look > 1 or self.begun:
             self.taken.update(seeds)

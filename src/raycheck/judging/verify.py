@@ -19,7 +19,13 @@ from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_images import image_paths, judge_files
 from raycheck.judging.judge_renderer import Planned, judge_task, plan_to_detect
 from raycheck.judging.repeated import Repeated, judge_until
-from raycheck.judging.settings import QUICK_CASE_SECONDS, QUICK_SECONDS, THOROUGH_SECONDS, Settings
+from raycheck.judging.settings import (
+    QUICK_CASE_SECONDS,
+    QUICK_SECONDS,
+    THOROUGH_SECONDS,
+    Settings,
+    case_seeds,
+)
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import variants
 from raycheck.stats.verdict import ALPHA, LEAST_ALPHA, Limits, Outcome
@@ -212,15 +218,20 @@ def _judge_all(
 
 
 def _second_look(case: Case, task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    """A thorough run does what an INCONCLUSIVE case says would decide, where it has the time: fresh samples,
-    judged alone. Two looks double the chance of a wrong FAIL.
+    """A thorough run does what an INCONCLUSIVE case says would decide, where it has the time: further looks,
+    at fresh samples alone, until one decides. They double the chance of a wrong FAIL, however many they are.
     """
     planned = case.spp if settings.thorough and settings.spp is None else None
     more = case.more_samples if case.verdict is Outcome.INCONCLUSIVE and case.looks == 1 else None
     if not (planned and more and case.seconds * more < THOROUGH_SECONDS):
         return case
-    found = judge_task(task, truth, taken, replace(settings, spp=math.ceil(planned * more), look=1))
-    return replace(found, looks=2, fingerprint=case.fingerprint, seconds=found.seconds + case.seconds)
+    had = {*taken, *case_seeds(task.label, task.technique, settings.seed, taken)}
+    asked = replace(settings, spp=math.ceil(planned * more), look=1, earlier={})
+    again = Repeated(task, truth, had, asked)
+    judge_until([again], time.perf_counter() + THOROUGH_SECONDS, lambda _: None)
+    found = again.case or case
+    seconds = case.seconds + again.seconds
+    return replace(found, looks=1 + found.looks, fingerprint=case.fingerprint, seconds=seconds)
 
 
 def _reference_seeds(reference: references.Reference) -> range:
