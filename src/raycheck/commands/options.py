@@ -51,6 +51,13 @@ Detect = Annotated[
         help="Take the samples that show such a bias of the image, as in 0.5%; says first how long.",
     ),
 ]
+Consistent = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PARAM=v1,v2,v3,v4",
+        help="Judge what the bias tends to as {PARAM} of the --renderer goes from coarse to fine.",
+    ),
+]
 Baseline = Annotated[
     Path | None,
     typer.Option(

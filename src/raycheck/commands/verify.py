@@ -20,6 +20,7 @@ def verify(
     seconds: options.Seconds = None,
     until: options.Until = None,
     detect: options.Detect = None,
+    consistent: options.Consistent = None,
     level: options.Level = None,
     baseline: options.Baseline = None,
     delta: options.Delta = None,
@@ -46,6 +47,8 @@ def verify(
         raise NotFound("--detect says how many samples: not with --seconds, --until, --spp or --thorough")
     if images is not None and any(x is not None for x in (until, bias, level)):
         raise NotFound("--images judges what there is: it goes with neither --until, --detect nor --level")
+    if consistent is not None and (thorough or any(x is not None for x in (until, bias, images, technique))):
+        raise NotFound("--consistent goes with a --renderer, and not with --until, --detect or --thorough")
     if resume and json_file is None:
         raise NotFound("--resume goes on with the run in --json FILE: name it")
     parameters = parse_settings(settings)
@@ -68,7 +71,7 @@ def verify(
         result = run_verification(
             renderer, scenes or (), parameters=parameters, techniques=technique or (),
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
-            until=until, detect=bias, level=level,
+            until=until, detect=bias, consistent=consistent, level=level,
             on_plan=lambda planned: work.show_plan(planned, bias or 0.0),
             limits=limits, earlier=kept,
             on_case=work.saving(json_file, kept, on_case) if thorough or until else on_case,

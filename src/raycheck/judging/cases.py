@@ -50,6 +50,8 @@ class Case:
     """It FAILs because a picture took longer than it may."""
     looks: int = 1
     """How often it was judged, each time with fresh samples; the figures are the last one's."""
+    order: float | None = None
+    """Judged is the limit of a bias that falls with this power of a parameter, see judging.consistent."""
     means: Sequence[float] | None = None
     """Bias of the image by channel, relative, which another day's is compared with…"""
     errors: Sequence[float] | None = None

@@ -16,6 +16,7 @@ from raycheck.base.errors import CannotRender, NotFound, RenderError
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda
 from raycheck.judging.cases import Case, Verification
+from raycheck.judging.consistent import Sweep, judge_limit
 from raycheck.judging.judge_images import image_paths, judge_files
 from raycheck.judging.judge_renderer import Planned, judge_task, plan_to_detect
 from raycheck.judging.repeated import Repeated, judge_until
@@ -47,6 +48,7 @@ def verify(
     seconds: float | None = None,
     until: float | None = None,
     detect: float | None = None,
+    consistent: str | None = None,
     level: float | None = None,
     timeout: float | None = None,
     limits: Limits = Limits(),
@@ -70,9 +72,11 @@ def verify(
     quick run. With `until` what is not decided is looked at again, with fresh samples, for so many seconds.
     With `detect` each case takes the samples that show such a relative bias of the image with 90 %
     probability, however long; `on_plan` is called first with what that is.
-    `level` is the chance that any FAIL of the whole run is wrong, by default 1e-5 for each case. Verdicts of
-    `earlier` stand where the renderer's first picture and the reference are still the same. `on_case(case,
-    cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing can be judged.
+    With `consistent`, "PARAM=v1,v2,v3,v4" from coarse to fine, the limit of the bias is judged of a command
+    that takes {PARAM}. `level` is the chance that any FAIL of the whole run is wrong, by default 1e-5 for
+    each case. Verdicts of `earlier` stand where the renderer's first picture and the reference are still the
+    same. `on_case(case, cases in all)` is called after each verdict. Raises `raycheck.NotFound` where nothing
+    can be judged.
     """
     started = time.perf_counter()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes
@@ -92,8 +96,16 @@ def verify(
         repeated=until is not None,
         earlier={case.fingerprint: case for case in earlier if case.fingerprint},
     )  # fmt: skip
+    sweep = Sweep.parse(consistent) if consistent is not None else None
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
-        if renderer is None:
+        agendas: list[Agenda] = []
+        if sweep:
+            if not isinstance(renderer, str):
+                raise NotFound("--consistent sweeps a parameter of a command: name the --renderer")
+            for command in sweep.commands(renderer):
+                agendas.append(renderer_agenda(command, named, Path(folder), explicit=bool(scenes)))
+            agenda = agendas[-1]
+        elif renderer is None:
             whole = not scenes and not techniques and not parameters
             agenda = oneray_agenda(
                 named, techniques, cover=whole and not thorough, variants=whole and thorough
@@ -103,12 +115,16 @@ def verify(
         for of in {task.label: task.of for task in agenda.tasks}.values():
             references.require(of)
         settings = replace(settings, alpha=level_of_case(level, len(agenda.tasks)))
-        if detect is not None:
+        if sweep:
+            cases = _judge_limits(sweep, agendas, replace(settings, case_seconds=budget), on_case)
+        elif detect is not None:
             cases = _judge_planned(agenda, replace(settings, detect=detect), on_plan, on_case)
         elif until is None:
             cases = _judge_all(agenda, settings, budget, started, on_case)
         else:
             cases = _judge_until(agenda, settings, started + until, on_case)
+    if isinstance(renderer, str) and not sweep:
+        cases = [may_shrink(case) for case in cases]
     header = _header(started, cases, agenda.left_out, thorough, seed, jobs, settings.alpha)
     return Verification(cases, header | ({} if until is None else {"until": until}))
 
@@ -122,6 +138,44 @@ def level_of_case(level: float | None, cases: int) -> float:
             f"--level {level:g} {many}, and p-values are known to {LEAST_ALPHA:g}: name fewer scenes"
         )
     return each
+
+
+def _judge_limits(
+    sweep: Sweep, agendas: Sequence[Agenda], settings: Settings, on_case: Callable[[Case, int], None] | None
+) -> list[Case]:
+    """The limit of each scene's bias, of agendas that differ in the value of the parameter."""
+    scenes = list(zip(*(agenda.tasks for agenda in agendas), strict=True))
+    timed = replace(settings, case_seconds=settings.case_seconds / len(scenes))
+    cases = []
+    for tasks in scenes:
+        reference = references.load_reference(tasks[0].of)
+        truth, taken = truth_of(reference), _reference_seeds(reference)
+        try:
+            cases.append(judge_limit(sweep, tasks, truth, taken, timed))
+        except CannotRender as error:
+            agendas[-1].left_out[f"{tasks[0].label}, {tasks[0].technique}"] = str(error)
+            continue
+        if on_case:
+            on_case(cases[-1], len(scenes))
+    if not cases:
+        raise NotFound("; ".join(f"{case}: {why}" for case, why in agendas[-1].left_out.items()))
+    return cases
+
+
+def may_shrink(case: Case) -> Case:
+    """The case of a command, with what a small bias may also be."""
+    small = case.bias is not None and abs(case.bias) < MAY_SHRINK
+    if case.verdict is not Outcome.FAIL or not small:
+        return case
+    return replace(case, reason=f"{case.reason}; {SHRINKS}")
+
+
+MAY_SHRINK = 0.1
+"""Bias of an image that filters and photon maps may have on purpose."""
+SHRINKS = (
+    "of a method that is only consistent (photon map, filter, denoiser) a bias that shrinks may be meant: "
+    "--consistent PARAM=v1,v2,v3,v4 judges its limit"
+)
 
 
 def _judge_planned(

@@ -24,7 +24,7 @@ def show(result: Verification) -> None:
         table.add_row(escape(case.scene), case.technique, verdict, *_row(case))
     table.show(console)
     for case in result.cases:
-        if case.verdict is not Outcome.PASS:
+        if case.verdict is not Outcome.PASS or case.order is not None:
             console.print()
             console.print(
                 f"{escape(case.scene)}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
