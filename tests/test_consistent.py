@@ -92,7 +92,7 @@ class TestLimit:
             assert judged(seed=seed, order=order, limit=0.015)[0] is not Outcome.PASS
 
     def test_the_level_decides(self):
-        made = residuals(limit=0.005, deviation=0.004, seed=3)
+        made = residuals(limit=0.0018, deviation=0.004, seed=3)
         outcomes = [
             consistent.judge(
                 SWEEP, made, REGIONS, expected(), Settings(alpha=alpha, limits=Limits(1e-4, 1e-4))
