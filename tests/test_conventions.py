@@ -1,6 +1,5 @@
 """The plain checks at their thresholds: what is named, what is noise, and what only looks alike."""
 
-
 import numpy as np
 import pytest
 

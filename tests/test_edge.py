@@ -640,4 +640,3 @@ exec(open(FILE).read())
     done = raycheck("verify", "area-light", "--renderer", command, "--spp", 1)
     assert done.returncode == 2 and done.stdout == "" and done.stderr.count("\n") == 1
     assert "area-light, renderer: the renderer says that it cannot" in done.stderr
-

@@ -36,8 +36,6 @@ LAYERS = (
 """Folders, and files that lie in none, from the bottom up. A folder includes itself and what is below it."""
 
 
-
-
 def room(path: str) -> str:
     """The folder of a source, or its own name: "kinds/shapes.h", a list of the folder's files, is its."""
     parts = path.removeprefix("kinds/").split("/")

@@ -48,6 +48,42 @@ JunitFile = Annotated[
 Seconds = Annotated[
     float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
 ]
+Until = Annotated[
+    float | None,
+    typer.Option(
+        min=1,
+        metavar="SECONDS",
+        help="Look again, with fresh samples, at what is not decided, so long; the level holds all the same.",
+    ),
+]
+Detect = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="Take the samples that show such a bias of the image, as in 0.5%; says first how long.",
+    ),
+]
+Consistent = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PARAM=v1,v2,v3,v4",
+        help="Judge what the bias tends to as {PARAM} of the --renderer goes from coarse to fine.",
+    ),
+]
+Baseline = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="An earlier verify --json: also say which scenes changed since, and by how much."
+    ),
+]
+Level = Annotated[
+    float | None,
+    typer.Option(
+        min=1e-7,
+        max=0.05,
+        help="Chance that any FAIL of the whole run is wrong; by default 1e-5 for each case.",
+    ),
+]
 Delta = Annotated[
     float | None,
     typer.Option(

@@ -1,6 +1,7 @@
 """What the commands share: the terminal, tables that fit it, a bar that shows how far a long run is."""
 
 import os
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -128,6 +129,22 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
         if not name or not equals:
             raise NotFound(f"-D{name}: -Dname=value is wanted")
     return {name: value for name, _, value in pairs}
+
+
+def parse_bias(text: str) -> float:
+    """ "0.5%" as 0.005; NotFound for anything else, and for what no verdict can show."""
+    found = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*%\s*", text)
+    if not found:
+        raise NotFound(f"--detect {text}: a percentage of the image is wanted, such as 0.5%")
+    bias = float(found[1]) / 100
+    if not LEAST_BIAS < bias <= MOST_BIAS:
+        least, most = 100 * LEAST_BIAS, 100 * MOST_BIAS
+        raise NotFound(f"--detect {text}: above {least:g}%, up to which no bias ever FAILs, to {most:g}%")
+    return bias
+
+
+LEAST_BIAS, MOST_BIAS = 5e-4, 0.5
+"""The first is stats.verdict.SYSTEMATIC; importing that takes numpy."""
 
 
 def writable(path: Path | None) -> None:

@@ -8,7 +8,7 @@ from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
 from raycheck.base.statuses import Status
 from raycheck.commands import options
-from raycheck.commands.support import parse_settings, progress_bar, writable
+from raycheck.commands.support import parse_bias, parse_settings, progress_bar, writable
 from raycheck.renderers.manifest import MANIFEST
 from raycheck.scene import techniques, variants
 
@@ -23,6 +23,11 @@ def verify(
     json_file: options.JsonFile = None,
     junit: options.JunitFile = None,
     seconds: options.Seconds = None,
+    until: options.Until = None,
+    detect: options.Detect = None,
+    consistent: options.Consistent = None,
+    level: options.Level = None,
+    baseline: options.Baseline = None,
     delta: options.Delta = None,
     thorough: options.Thorough = False,
     resume: options.Resume = False,
@@ -38,6 +43,17 @@ def verify(
     writable(junit)
     if thorough and seconds is not None:
         raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
+    if until is not None and (thorough or seconds is not None):
+        raise NotFound(
+            "--until says how long the run may take: it goes with neither --seconds nor --thorough"
+        )
+    bias = parse_bias(detect) if detect is not None else None
+    if bias is not None and (thorough or any(x is not None for x in (seconds, until, spp))):
+        raise NotFound("--detect says how many samples: not with --seconds, --until, --spp or --thorough")
+    if images is not None and any(x is not None for x in (until, bias, level)):
+        raise NotFound("--images judges what there is: it goes with neither --until, --detect nor --level")
+    if consistent is not None and (thorough or any(x is not None for x in (until, bias, images, technique))):
+        raise NotFound("--consistent goes with a --renderer, and not with --until, --detect or --thorough")
     if resume and json_file is None:
         raise NotFound("--resume goes on with the run in --json FILE: name it")
     parameters = parse_settings(settings)
@@ -56,6 +72,7 @@ def verify(
     standard = Limits()
     limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
     going_on = resume and json_file is not None and json_file.is_file()
+    before = Verification.read(baseline) if baseline else None
     with progress_bar("verifying") as on_case:
         kept = Verification.read(json_file).cases if going_on and json_file else []
         rows = work.Rows()
@@ -63,10 +80,13 @@ def verify(
             renderer, scenes or (), parameters=parameters, techniques=technique or (),
             needs=needs.split(",") if needs is not None else None,
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
-            limits=limits, earlier=kept,
+            until=until, detect=bias, consistent=consistent, level=level, limits=limits, earlier=kept,
             on_case=work.saving(json_file, kept, rows, on_case), on_plan=rows.plan,
+            on_samples=lambda planned: rows.samples(planned, bias or 0.0),
         )  # fmt: skip
     work.show(result)
+    if before:
+        work.show_changes(before, result)
     if json_file:
         write_whole(json_file, result.to_json())
     if junit:

@@ -1,6 +1,7 @@
 """The verdicts of a run, as they are kept in a file."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,18 @@ class Case:
     """It FAILs because a picture took longer than it may."""
     looks: int = 1
     """How often it was judged, each time with fresh samples; the figures are the last one's."""
+    order: float | None = None
+    """Judged is the limit of a bias that falls with this power of a parameter, see judging.consistent."""
+    means: Sequence[float] | None = None
+    """Bias of the image by channel, relative, which another day's is compared with…"""
+    errors: Sequence[float] | None = None
+    """…and its standard error, without the reference's, which is the same."""
+    noise: float | None = None
+    """Mean variance of a pixel for one sample, over the squared mean of the image…"""
+    noise_error: float | None = None
+    """…and its relative standard error."""
+    sample_seconds: float | None = None
+    """That a sample of every pixel takes, start-up apart; None where that hides it."""
     fingerprint: str = ""
     """A digest of the reference, the settings and the renderer's first picture: a case that has it need not
     be judged again.

@@ -3,25 +3,26 @@
 import contextlib
 import hashlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from statistics import median
+from typing import TypeVar
 
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import CannotRender, OutOfTime, RenderError, RenderLate, RenderTimeout
-from raycheck.base.text import duration
+from raycheck.base.errors import CannotRender, NotFound, OutOfTime, RenderError, RenderLate, RenderTimeout
+from raycheck.base.text import duration, percent
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task, kept_scene
 from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
-from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
+from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, measured, template_name
 from raycheck.judging.looks import Look, look
-from raycheck.judging.plan import Pilot, Plan, measure_pilot, more_needed, plan
+from raycheck.judging.plan import Goals, Pilot, Plan, measure_pilot, more_needed, plan, reached
 from raycheck.judging.settings import (
     BATCHES,
     MOST_SPP,
@@ -33,10 +34,10 @@ from raycheck.judging.settings import (
     Settings,
     case_seeds,
 )
-from raycheck.judging.timetable import FEWEST_SPP, FLUCTUATION, SEEN, case_seconds, pace, seen
+from raycheck.judging.timetable import FEWEST_SPP, FLUCTUATION, SEEN, case_seconds, pace, sample_seconds, seen
 from raycheck.renderers.renderer import Rendering
 from raycheck.stats.tiles import SMALLEST, region_means
-from raycheck.stats.verdict import Outcome, judge
+from raycheck.stats.verdict import ALPHA, Judgement, Outcome, judge
 from raycheck.truth.expected import Truth
 from raycheck.truth.provenance import provenance
 
@@ -44,27 +45,31 @@ METHOD = 1
 """Version of how pictures are judged, see truth.provenance."""
 
 
-def judge_task(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
+def judge_task(task: Task, truth: Truth, taken: Collection[int], settings: Settings) -> Case:
     """Render and judge one case; `taken` are the seeds of the reference."""
     return judge_surveyed(survey(task, truth, taken, settings), settings)
 
 
 @dataclass
 class Survey:
-    """A case whose first two pictures were rendered: what the others will take."""
+    """A case whose first two pictures were rendered: what the others will take. Then its whole pilot."""
 
-    renders: "_Renders"
+    renders: "Renders"
     seeds: Sequence[int]
     fingerprint: str = ""
     first: list[Rendering] = field(default_factory=list)
     """The probe, of one sample, and the first picture of the pilot."""
-    pilot: list[Array] = field(default_factory=list)
-    """That picture, (1, H, W, 3)."""
+    images: list[Array] = field(default_factory=list)
+    """Of the pilot so far, (B, H, W, 3)."""
     warm: float = math.inf
     """Seconds of the probe when it was made again: the first picture of all may have waited for a disk."""
     seconds: float = 0.0
     case: Case | None = None
     """The verdict, where it is known already."""
+    pilot: Pilot | None = None
+    """What the pilot shows, once all of it was rendered…"""
+    typical: float = math.nan
+    """…and the seconds of one of its pictures."""
 
     @property
     def task(self) -> Task:
@@ -75,7 +80,8 @@ class Survey:
         """Seconds of the pictures by samples per pixel; the faster of two of the same."""
         probe, pilot = (made.seconds for made in self.first)
         spp, probe = self.renders.first_spp, min(probe, self.warm)
-        return {1: probe, spp: pilot} if spp > 1 else {1: min(probe, pilot)}
+        first = {1: probe, spp: pilot} if spp > 1 else {1: min(probe, pilot)}
+        return first | ({} if math.isnan(self.typical) else {spp: self.typical})
 
     def make_again(self) -> None:
         """The probe, for its time."""
@@ -91,27 +97,97 @@ class Survey:
         return case_seconds(self.times, given or spp, jobs, own, planned=given is None)
 
 
-def survey(task: Task, truth: Truth, taken: range, settings: Settings) -> Survey:
+def survey(task: Task, truth: Truth, taken: Collection[int], settings: Settings) -> Survey:
     """Render the first two pictures of a case, one after the other. What they already show is its verdict: a
     plain mistake, SKIP where the renderer says that it does not support the scene, or an earlier run's.
     """
-    technique = f"{task.technique}/look {settings.look}" if settings.look else task.technique
-    renders = _Renders(task, truth, settings, None)
-    found = Survey(renders, case_seeds(task.label, technique, settings.seed, taken))
-    started, case = settings.clock(), _maker(task, truth, settings)
+    renders = Renders(task, truth, settings, None)
+    found = Survey(renders, look_seeds(task, settings, taken))
+    started, case = settings.clock(), maker(task, truth, settings)
 
     def first_pictures() -> Case | None:
         _, found.first = renders.render(1, found.seeds[:1])
         found.fingerprint = _fingerprint(task, renders.digests[0], truth, settings)
-        if found.fingerprint in settings.earlier:
-            return settings.earlier[found.fingerprint]
+        earlier = settings.earlier.get(found.fingerprint)
+        if earlier and not (settings.repeated and earlier.verdict is Outcome.INCONCLUSIVE):
+            return earlier
         images, made = renders.render(renders.first_spp, found.seeds[1:2])
-        found.first, found.pilot = [*found.first, *made], [images]
+        found.first, found.images = [*found.first, *made], [images]
         return None
 
-    found.case = _ended(first_pictures, task, case)
+    found.case = ended(first_pictures, task, case)
     found.seconds = settings.clock() - started
     return found
+
+
+def look_seeds(task: Task, settings: Settings, taken: Collection[int]) -> list[int]:
+    """The seeds of a case, or of a later look at it, which are none of those `taken`."""
+    name = f"{task.technique}/look {settings.look}" if settings.look else task.technique
+    return case_seeds(task.label, name, settings.seed, taken)
+
+
+def take_pilot(found: Survey, case: Callable[..., Case]) -> Case | None:
+    """Render the rest of the pilot and measure it, once; the verdict, where it shows a plain mistake."""
+    if found.pilot:
+        return None
+    renders, fixed = found.renders, not found.task.renderer.takes_spp
+    others, made = renders.render(renders.first_spp, found.seeds[2 : 1 + PILOT_IMAGES])
+    images = np.concatenate([*found.images, others])
+    found.images, found.typical = [images], median(one.seconds for one in made)
+    renders.check_seeds()
+    mistake = gross_mistake(images, renders.truth, renders.look(images))
+    if mistake:
+        return case(Outcome.FAIL, mistake, spp=None if fixed else renders.first_spp, images=PILOT_IMAGES)
+    found.pilot = measure_pilot(images, None if fixed else renders.first_spp, renders.truth)
+    return None
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What a case will take."""
+
+    found: Survey
+    spp: int = 0
+    """Samples per pixel; none where the verdict is known already."""
+    seconds: float = 0.0
+
+    @property
+    def task(self) -> Task:
+        return self.found.task
+
+
+def plan_to_detect(task: Task, truth: Truth, taken: Collection[int], settings: Settings) -> Planned:
+    """The samples that show a bias of `settings.detect`, by the probe and the pilot of the verdict; NotFound
+    where none can.
+    """
+    if not task.renderer.takes_spp:
+        raise NotFound("--detect plans samples: the renderer command takes no {spp}")
+    found, started = survey(task, truth, taken, settings), settings.clock()
+    if found.case:
+        return Planned(found)
+    renders, chosen, times = found.renders, Plan(0, SMALLEST), found.times
+    case = maker(task, truth, settings, found.seconds, fingerprint=found.fingerprint)
+
+    def planning() -> Case | None:
+        nonlocal chosen, times
+        known = take_pilot(found, case)
+        if found.pilot:
+            found.make_again()
+            times = found.times
+            chosen = renders.plan(found.pilot, times, found.seeds[-TIMING_SEEDS:-1], math.inf)
+        return known
+
+    with pool_of(settings.jobs) as pool:
+        renders.pool = pool
+        found.case = ended(planning, task, case)
+    found.seconds += settings.clock() - started
+    if found.case or not found.pilot:
+        return Planned(found)
+    goals, of = Goals(settings.detect), (found.pilot, truth, BATCHES)
+    if not reached(*of, goals, settings.limits, chosen.spp, chosen.smallest, alpha=settings.alpha):
+        noisy = f"not even {chosen.spp} samples per pixel would show it, or its reference is too noisy"
+        raise NotFound(f"--detect {percent(settings.detect or 0.0)} on {task.name}: {noisy}")
+    return Planned(found, chosen.spp, PICTURES * pace(seen(times)).seconds(chosen.spp) / settings.jobs)
 
 
 def judge_surveyed(found: Survey, settings: Settings) -> Case:
@@ -119,17 +195,16 @@ def judge_surveyed(found: Survey, settings: Settings) -> Case:
     if found.case:
         return found.case
     task, renders = found.task, found.renders
-    case = _maker(task, renders.truth, settings, found.seconds, fingerprint=found.fingerprint)
-    with _pool(settings.jobs) as pool:
+    case = maker(task, renders.truth, settings, found.seconds, fingerprint=found.fingerprint)
+    with pool_of(settings.jobs) as pool:
         renders.settings, renders.pool = settings, pool
-        judged = _ended(lambda: _judge_renders(found, case), task, case)
-    assert judged
-    return judged
+        return ended(lambda: _judge_renders(found, case), task, case)
 
 
-def _maker(
+def maker(
     task: Task, truth: Truth, settings: Settings, spent: float = 0.0, **known: str
 ) -> Callable[..., Case]:
+    """As `case_maker` gives it, with what the verdict on this task rests on."""
     rests = provenance(METHOD, [f"{task.label} {task.technique} auto", f"reference {task.label}"])
     return case_maker(
         task.label, task.technique, truth, settings.clock, spent, unbounded=task.unbounded, provenance=rests,
@@ -137,7 +212,10 @@ def _maker(
     )  # fmt: skip
 
 
-def _ended(judging: Callable[[], Case | None], task: Task, case: Callable[..., Case]) -> Case | None:
+Judged = TypeVar("Judged")
+
+
+def ended(judging: Callable[[], Judged], task: Task, case: Callable[..., Case]) -> Judged | Case:
     """What was judged, or the case that an error of the renderer is."""
     try:
         return judging()
@@ -156,7 +234,7 @@ def _ended(judging: Callable[[], Case | None], task: Task, case: Callable[..., C
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[ThreadPoolExecutor | None]:
+def pool_of(jobs: int) -> Iterator[ThreadPoolExecutor | None]:
     """A thread pool that drops what is waiting as soon as something goes wrong; none for a single job, which
     this thread does.
     """
@@ -171,7 +249,7 @@ def _pool(jobs: int) -> Iterator[ThreadPoolExecutor | None]:
 
 
 @dataclass
-class _Renders:
+class Renders:
     """The renders of one case: each goes through the plain checks, and no two may be the same."""
 
     task: Task
@@ -235,6 +313,37 @@ class _Renders:
     def look(self, images: Array) -> Look:
         return look(template_name(self.task.of), images, self.truth, self.task.content.lights)
 
+    def noise_problem(self, few: Array, both: Array, spp: int | None, pilot: Pilot) -> str | None:
+        """What is wrong with the noise of both sets (B, H, W, 3) beside that of the pilot's `few` images."""
+        if not self.task.independent:
+            return None
+        problem = checks.shared_noise(both, self.task.content.filtered)
+        if spp is None or problem:
+            return problem
+        tame = self.truth.regions(PILOT_SPP, pilot.skewness)
+        return checks.stuck_noise(region_means(few, tame), PILOT_SPP, region_means(both, tame), spp)
+
+    def capped(self, found: Judgement, seeds: Sequence[int]) -> str:
+        """The end of the sentence of a FAIL whose samples seem to be clamped."""
+        dark = found.outcome is Outcome.FAIL and found.bias_high < 0
+        if not dark or not self.task.renderer.takes_spp:
+            return ""
+        singles, _ = self.render(1, seeds)
+        told = checks.capped_samples(singles, self.truth, self.task.content.radiances)
+        return f"; {told}" if told else ""
+
+    def counted(
+        self, found: Judgement, images: Array, pilot: Pilot, spp: int, samples: int, smallest: int = SMALLEST
+    ) -> Judgement:
+        """An INCONCLUSIVE judgement of so many `samples` of a pixel in a batch, with how many times these a
+        PASS needs, by the noise of these images of `spp`.
+        """
+        if found.outcome is not Outcome.INCONCLUSIVE or math.isinf(found.more_samples):
+            return found
+        now = replace(pilot, sample_variance=spp * images.var(axis=0, ddof=1))
+        more = more_needed(now, self.truth, BATCHES, self.settings.limits, samples, smallest)
+        return replace(found, more_samples=max(found.more_samples, more))
+
     def plan(self, pilot: Pilot, times: dict[int, float], seeds: Sequence[int], until: float) -> Plan:
         """How many samples to take, so that the sets are there at `until` by the clock; `times` get those of
         pictures nearer to these. Where the start-up hides the pace of the pilot's samples, more show it.
@@ -271,27 +380,24 @@ class _Renders:
 
         wished = settings.wishes(self.truth, self.task.unbounded)
         wishes = [(goals, most(seconds)) for goals, seconds in wished]
-        return plan(pilot, self.truth, BATCHES, wishes, settings.limits)
+        return plan(pilot, self.truth, BATCHES, wishes, settings.limits, settings.alpha)
 
 
-def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
+def _judge_renders(surveyed: Survey, case: Callable[..., Case]) -> Case:
     """A pilot that plans, two sets of images; plain checks come before statistics."""
-    renders, seeds = found_before.renders, found_before.seeds
+    renders, seeds, probe = surveyed.renders, surveyed.seeds, surveyed.first[0].image
     truth, settings = renders.truth, renders.settings
     until = math.inf if settings.thorough else settings.clock() + FLUCTUATION * settings.case_seconds
     fixed = not renders.task.renderer.takes_spp
-    first_spp, probe = renders.first_spp, found_before.first
-    others, pilot_made = renders.render(first_spp, seeds[2 : 1 + PILOT_IMAGES])
-    pilot_images = np.concatenate([*found_before.pilot, others])
-    renders.check_seeds()
-    mistake = gross_mistake(pilot_images, truth, renders.look(pilot_images))
+    mistake = take_pilot(surveyed, case)
     if mistake:
-        return case(Outcome.FAIL, mistake, spp=None if fixed else first_spp, images=PILOT_IMAGES)
-    pilot = measure_pilot(pilot_images, None if fixed else first_spp, truth)
+        return mistake
+    pilot = surveyed.pilot
+    assert pilot
     smallest, spp = SMALLEST, None if fixed else settings.spp
     if not fixed and not settings.spp:
-        found_before.make_again()
-    times = found_before.times | {first_spp: median(m.seconds for m in pilot_made)}
+        surveyed.make_again()
+    times = surveyed.times
     if not fixed and not settings.spp:
         chosen = renders.plan(pilot, times, seeds[-TIMING_SEEDS:-1], until)
         smallest, spp = chosen.smallest, chosen.spp
@@ -300,7 +406,7 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
             # from the pilot's samples on, and expects too little noise below.
             spp = max(spp, PILOT_SPP)
 
-    quantum = probe[0].image.quantum if probe[0].image.precision != "float" else None
+    quantum = probe.quantum if probe.precision != "float" else None
     regions = truth.regions(spp or 1, pilot.skewness, smallest)
     second = 1 + PILOT_IMAGES + BATCHES
     renders.most, renders.each = len(renders.there) + PICTURES, pace(times).seconds(spp or 1)
@@ -313,22 +419,16 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
     times[spp or 1] = median(m.seconds for m in (*made_a, *made_b))
     renders.check_seeds()
     both = np.concatenate([set_a, set_b])
-    problem = checks.shared_noise(both, renders.task.content.filtered)
-    if not fixed and not problem:
-        tame = truth.regions(first_spp, pilot.skewness)
-        few = region_means(pilot_images, tame)
-        problem = checks.stuck_noise(few, first_spp, region_means(both, tame), spp or 1)
-    if problem and renders.task.independent:
-        return case(Outcome.FAIL, problem, spp=spp, images=2 * BATCHES)
+    problem = renders.noise_problem(surveyed.images[0], both, spp, pilot)
+    if problem:
+        return case(Outcome.FAIL, problem, spp=spp, images=PICTURES)
     means = region_means(both, regions)
     residuals = means - region_means(truth.mean, regions)
     noise = pilot.noise if fixed else max(pilot.noise, 1.0)
     expected = truth.expected(regions, (spp or 1) / noise, quantum)
-    found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits)
-    if spp and found.outcome is Outcome.INCONCLUSIVE:
-        seen_now = replace(pilot, sample_variance=spp * both.var(axis=0, ddof=1))
-        more = more_needed(seen_now, truth, BATCHES, settings.limits, spp, smallest)
-        found = replace(found, more_samples=max(found.more_samples, more))
+    found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits, settings.alpha)
+    if spp:
+        found = renders.counted(found, both, pilot, spp, spp, smallest)
 
     def takes(more: float) -> float:
         """Seconds of so many times the samples: the start-up stays as it is, where it is known."""
@@ -336,23 +436,23 @@ def _judge_renders(found_before: Survey, case: Callable[..., Case]) -> Case:
             return rendering * more
         if settings.times:
             renders.time_more(times, seeds[-TIMING_SEEDS:-1], more * (spp or 1))
-        told = pace(seen(times))
-        return rendering * told.seconds(more * (spp or 1)) / max(told.seconds(spp or 1), 1e-9)
+        return rendering * pace(seen(times)).longer(spp or 1, more * (spp or 1))
 
     found, sentence = conclude(
-        found, regions, partial(renders.look, both), precision=probe[0].image.precision, takes=takes
+        found, regions, partial(renders.look, both), precision=probe.precision, takes=takes
     )
-    if found.outcome is Outcome.FAIL and not fixed and found.bias_high < 0:
-        singles, _ = renders.render(1, seeds[1 : 1 + PILOT_IMAGES])
-        capped = checks.capped_samples(singles, truth, renders.task.content.radiances)
-        sentence += f"; {capped}" if capped else ""
-    needs = {"more_seconds": takes(found.more_samples)} if found.outcome is Outcome.INCONCLUSIVE else {}
-    return case(found.outcome, sentence, spp=spp, images=2 * BATCHES, **needs, **figures(found, regions))
+    sentence += renders.capped(found, seeds[1 : 1 + PILOT_IMAGES])
+    beside = measured([(residuals[:, 0], 1)], both, truth, spp or 1, sample_seconds(times))
+    if found.outcome is Outcome.INCONCLUSIVE:
+        beside["more_seconds"] = takes(found.more_samples)
+    return case(found.outcome, sentence, spp=spp, images=PICTURES, **figures(found, regions), **beside)
 
 
 def _fingerprint(task: Task, picture: str, truth: Truth, settings: Settings) -> str:
     what = (METHOD, task.label, task.technique, picture, truth.digest)
-    how = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
+    how: tuple[object, ...] = (settings.thorough, settings.seed, settings.spp, asdict(settings.limits))
+    if settings.repeated or settings.alpha != ALPHA or settings.detect is not None:
+        how = (*how, settings.repeated, settings.alpha, settings.detect)
     return hashlib.blake2b(repr((what, how)).encode(), digest_size=16).hexdigest()
 
 

@@ -5,6 +5,7 @@ Pilot images plan; they are never judged.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import special
@@ -113,8 +114,9 @@ class Plan:
 
 
 def plan(
-    pilot: Pilot, truth: Truth, batches: int, wishes: Sequence[tuple[Goals, int]], limits: Limits
-) -> Plan:
+    pilot: Pilot, truth: Truth, batches: int, wishes: Sequence[tuple[Goals, int]], limits: Limits,
+    alpha: float = ALPHA,
+) -> Plan:  # fmt: skip
     """The fewest samples (1, 2, 3, 4, 6, 8, 12, …) at which a PASS and the first reachable wish are expected.
 
     A wish is goals and the most samples that they are worth. Where those do not suffice, larger tiles are
@@ -126,12 +128,10 @@ def plan(
         affordable = [spp for spp in steps if spp <= most] or [1]
         smallest = SMALLEST
         while smallest <= goals.coarsest:
-            best = Plan(affordable[-1], smallest)
-            if reached(pilot, truth, batches, goals, limits, best.spp, smallest):
-                enough = (
-                    spp for spp in affordable if reached(pilot, truth, batches, goals, limits, spp, smallest)
-                )
-                return Plan(next(enough, best.spp), smallest)
+            best = affordable[-1]
+            reaches = partial(reached, pilot, truth, batches, goals, limits, smallest=smallest, alpha=alpha)
+            if reaches(best):
+                return Plan(next((spp for spp in affordable if reaches(spp)), best), smallest)
             smallest *= 2
     return Plan(affordable[-1], SMALLEST)
 
@@ -157,7 +157,7 @@ def more_needed(
 
 def reached(
     pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, spp: float,
-    smallest: int = SMALLEST, sure: bool = True,
+    smallest: int = SMALLEST, sure: bool = True, alpha: float = ALPHA,
 ) -> bool:  # fmt: skip
     """Whether a PASS and the goals are expected of two sets of so many images of `spp` samples per pixel;
     with bad luck too, if that is to be `sure`.
@@ -178,8 +178,8 @@ def reached(
     needed = (-special.stdtrit(2 * freedom, tail) + luck) * both_sets
     if needed[0].max() > limits.image or needed[1:].max(initial=0.0) > limits.tile:
         return False
-    level_image = SHARE_IMAGE * ALPHA / 3
-    level_tile = SHARE_TILES * ALPHA / max(one_set[1:].size, 1)
+    level_image = SHARE_IMAGE * alpha / 3
+    level_tile = SHARE_TILES * alpha / max(one_set[1:].size, 1)
     image = SYSTEMATIC + st.detection_factor(freedom, level_image) * one_set[0].max()
     tiles = SYSTEMATIC + st.detection_factor(freedom, level_tile) * one_set[1:].max(axis=1)
     if goals.image is not None and image > goals.image:

@@ -9,6 +9,7 @@ from raycheck.judging import mistakes
 from raycheck.judging.conventions import Convention
 from raycheck.judging.explanations import NOTHING, Explanation, Factor
 from raycheck.judging.parts import Hypothesis
+from raycheck.stats.evidence import REFERENCE_ERRORS
 from raycheck.stats.tiles import Tile, place
 from raycheck.stats.verdict import Finding, Judgement, Outcome
 
@@ -191,8 +192,11 @@ def odds(p: float, who: str = "correct renderers") -> str:
 def _undecided(
     found: Judgement, regions: list[Tile], height: int, width: int, takes: Callable[[float], float] | None
 ) -> str:
-    time = f" ({duration(takes(found.more_samples))})" if takes else ""
-    need = f"about {times(found.more_samples)} times the samples{time} would decide"
+    if math.isinf(found.more_samples):
+        need = "no more samples would decide, but a reference with less noise"
+    else:
+        time = f" ({duration(takes(found.more_samples))})" if takes else ""
+        need = f"about {times(found.more_samples)} times the samples{time} would decide"
     if found.undecided:
         first = found.undecided[0]
         where = (
@@ -205,6 +209,16 @@ def _undecided(
     return (
         f"a few samples carry so much of the light in {found.heavy_tailed} places that intervals cannot be "
         f"trusted; {need}"
+    )
+
+
+def may_be_the_reference(found: Judgement) -> str:
+    """The end of a sentence where a bias is no noise, but not beyond the reference's own error."""
+    if found.within_reference is None:
+        return ""
+    size = percent(found.within_reference)
+    return (
+        f"; a bias of {size} is no noise, but within {REFERENCE_ERRORS:.0f} standard errors of the reference"
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from raycheck.base.seeds import make_seeds
 from raycheck.judging.cases import Case
 from raycheck.judging.plan import Goals
-from raycheck.stats.verdict import Limits
+from raycheck.stats.verdict import ALPHA, Limits
 from raycheck.truth.expected import Truth
 
 BATCHES = 32
@@ -51,6 +51,12 @@ class Settings:
     """Whether pictures may be rendered for their time alone, where `spp` says how many samples there are."""
     clock: Callable[[], float] = time.perf_counter
     limits: Limits = Limits()
+    detect: float | None = None
+    """Relative bias of the image to be noticed, however long it takes."""
+    alpha: float = ALPHA
+    """Chance of a wrong FAIL of each case, however often it is looked at."""
+    repeated: bool = False
+    """Looked at until it is decided, see judging.repeated."""
     earlier: Mapping[str, Case] = field(default_factory=dict)
     """Verdicts that stand, by fingerprint."""
 
@@ -58,6 +64,8 @@ class Settings:
         """Detectable biases to reach and the seconds that they are worth, the best first; of samples without
         bound only what a PASS needs.
         """
+        if self.detect is not None:
+            return [(Goals(self.detect), math.inf)]
         most = THOROUGH_SECONDS if self.thorough else self.case_seconds
         if unbounded:
             return [(Goals(coarsest=max(truth.shape)), most)]

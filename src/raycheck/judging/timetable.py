@@ -42,6 +42,11 @@ class Pace:
         each = max(seconds - self.start, START_SHARE * self.start)
         return each / self.sample if self.sample > 0 else math.inf
 
+    def longer(self, spp: float, other: float) -> float:
+        """How many times as long a picture of `other` samples takes as one of `spp`."""
+        taken = self.seconds(spp)
+        return self.seconds(other) / taken if taken > 0 else other / spp
+
 
 def pace(times: Mapping[int, float]) -> Pace:
     """From the seconds of pictures by samples per pixel. Where more samples took no longer, they are taken to
@@ -58,6 +63,12 @@ def seen(times: Mapping[int, float]) -> Mapping[int, float]:
     """The times without the first picture's, which may have waited for a disk, where others tell the pace."""
     others = {spp: seconds for spp, seconds in times.items() if spp != min(times)}
     return others if len(others) > 1 and max(others) >= SEEN * min(others) else times
+
+
+def sample_seconds(times: Mapping[int, float]) -> float | None:
+    """Seconds of a sample of every pixel, start-up apart; None where that hides them."""
+    told = seen(times)
+    return pace(told).sample if told[max(told)] >= SEEN * told[min(told)] else None
 
 
 def case_seconds(times: Mapping[int, float], spp: int, jobs: int, own: float, *, planned: bool) -> float:

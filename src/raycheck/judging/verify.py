@@ -16,21 +16,32 @@ from raycheck.base.errors import NotFound
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda, supported
 from raycheck.judging.cases import Case, Verification
+from raycheck.judging.consistent import Sweep, judge_limit
 from raycheck.judging.judge_images import image_paths, judge_files
-from raycheck.judging.judge_renderer import Survey, judge_surveyed, judge_task, survey
+from raycheck.judging.judge_renderer import (
+    Planned,
+    Survey,
+    judge_surveyed,
+    judge_task,
+    plan_to_detect,
+    survey,
+)
+from raycheck.judging.repeated import Repeated, judge_until
 from raycheck.judging.settings import (
     PILOT_SPP,
     QUICK_CASE_SECONDS,
     QUICK_SECONDS,
     THOROUGH_SECONDS,
     Settings,
+    case_seeds,
 )
 from raycheck.judging.timetable import FEWEST_SPP, Budget, Timetable
-from raycheck.renderers.manifest import manifest_for
+from raycheck.renderers.commands import Command
+from raycheck.renderers.manifest import manifest_for, written_command
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import variants
 from raycheck.scene.support import Support
-from raycheck.stats.verdict import Limits, Outcome
+from raycheck.stats.verdict import ALPHA, LEAST_ALPHA, Limits, Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import Truth, truth_of
 
@@ -48,11 +59,16 @@ def verify(
     spp: int | None = None,
     jobs: int | None = None,
     seconds: float | None = None,
+    until: float | None = None,
+    detect: float | None = None,
+    consistent: str | None = None,
+    level: float | None = None,
     timeout: float | None = None,
     limits: Limits = Limits(),
     earlier: Sequence[Case] = (),
     on_case: Callable[[Case, int], None] | None = None,
     on_plan: Callable[[Timetable], None] | None = None,
+    on_samples: Callable[[Sequence[Planned]], None] | None = None,
     clock: Callable[[], float] = time.perf_counter,
     times: bool = True,
 ) -> Verification:
@@ -76,8 +92,13 @@ def verify(
 
     `seconds` is the budget of a quick run: what it is not enough for is not started, and left out. It is 90
     where nothing is said, which one case alone may exceed, and none with `spp`. `on_plan` hears of it before
-    the first verdict. Time goes by `clock`, and `times` says whether a picture may be rendered for its time
-    alone where `spp` is given. Raises `raycheck.NotFound` where nothing can be judged.
+    the first verdict. With `until` what is not decided is looked at again, with fresh samples, for so many
+    seconds. With `detect` each case takes the samples that show such a relative bias of the image with 90 %
+    probability, however long; `on_samples` hears of these before the first verdict. With `consistent`,
+    "PARAM=v1,v2,v3,v4" from coarse to fine, the limit of the bias is judged of a command that takes {PARAM}.
+    `level` is the chance that any FAIL of the whole run is wrong, by default 1e-5 for each case. Time goes by
+    `clock`, and `times` says whether a picture may be rendered for its time alone where `spp` is given.
+    Raises `raycheck.NotFound` where nothing can be judged.
     """
     started = clock()
     scenes = [scenes] if isinstance(scenes, str | Path) else scenes
@@ -95,16 +116,24 @@ def verify(
     if renderer is not None and techniques:
         raise NotFound("--technique chooses among oneray's techniques: it does not go with --renderer")
     named, left_out = supported(named, own.needs if needs is None else Support.of(needs))
-    whole_time = seconds or (math.inf if thorough or spp else QUICK_SECONDS)
+    planned = thorough or spp or until or detect is not None
+    whole_time = seconds or (math.inf if planned else QUICK_SECONDS)
     budget = Budget(whole_time, seconds is not None, clock, started)
     settings = Settings(
         thorough=thorough, seed=seed, spp=spp, jobs=jobs, limits=limits,
-        timeout=timeout or own.limits.picture_seconds or (600.0 if thorough else 60.0),
+        timeout=timeout or own.limits.picture_seconds
+        or (600.0 if thorough or detect else max(60.0, until or 0.0)),
+        detect=detect, repeated=until is not None,
         earlier={case.fingerprint: case for case in earlier if case.fingerprint},
         budget=whole_time, clock=clock, times=times,
     )  # fmt: skip
+    sweep = Sweep.parse(consistent) if consistent is not None else None
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
-        if renderer is None:
+        sweeps: list[Agenda] = []
+        if sweep:
+            sweeps = _sweep_agendas(sweep, renderer, named, Path(folder), explicit=bool(scenes))
+            agenda = sweeps[-1]
+        elif renderer is None:
             whole = not scenes and not techniques and not parameters and not left_out
             agenda = oneray_agenda(
                 named, techniques, cover=whole and not thorough, variants=whole and thorough
@@ -114,8 +143,61 @@ def verify(
         agenda.left_out |= left_out
         for of in {task.label: task.of for task in agenda.tasks}.values():
             references.require(of)
-        cases = _Run(agenda, settings, budget, on_case, on_plan).judge_all()
-    return Verification(cases, _header(clock() - started, cases, agenda.left_out, thorough, seed, jobs))
+        settings = replace(settings, alpha=level_of_case(level, len(agenda.tasks)))
+        hint = isinstance(renderer, str | Path) and not sweep
+        run = _Run(agenda, settings, budget, on_case, on_plan, hint)
+        if sweep:
+            run.judge_limits(sweep, sweeps)
+        elif detect is not None:
+            run.judge_detecting(on_samples)
+        elif until is not None:
+            run.judge_until(started + until)
+        else:
+            run.judge_all()
+    header = _header(clock() - started, run.cases, agenda.left_out, thorough, seed, jobs, settings.alpha)
+    return Verification(run.cases, header | ({} if until is None else {"until": until}))
+
+
+def _sweep_agendas(
+    sweep: Sweep, renderer: object, named: Sequence[variants.Variant], folder: Path, *, explicit: bool
+) -> list[Agenda]:
+    """The agenda of each value of the parameter, which differ in nothing else."""
+    if not isinstance(renderer, str | Path):
+        raise NotFound("--consistent sweeps a parameter of a command: name the --renderer")
+    text, place = written_command(renderer)
+    agendas = []
+    for number, command in enumerate(sweep.commands(text)):
+        own = folder / str(number)
+        own.mkdir()
+        agendas.append(renderer_agenda(Command.parse(command, place), named, own, explicit=explicit))
+    return agendas
+
+
+def level_of_case(level: float | None, cases: int) -> float:
+    """The chance of a wrong FAIL of each case; NotFound where tails so far out were never measured."""
+    each = ALPHA if level is None else level / cases
+    if each < LEAST_ALPHA:
+        many = f"for {cases} cases is {each:.2g} each"
+        raise NotFound(
+            f"--level {level:g} {many}, and p-values are known to {LEAST_ALPHA:g}: name fewer scenes"
+        )
+    return each
+
+
+def may_shrink(case: Case) -> Case:
+    """The case of a command, with what a small bias may also be."""
+    small = case.bias is not None and abs(case.bias) < MAY_SHRINK
+    if case.verdict is not Outcome.FAIL or not small or case.reason.endswith(SHRINKS):
+        return case
+    return replace(case, reason=f"{case.reason}; {SHRINKS}")
+
+
+MAY_SHRINK = 0.1
+"""Bias of an image that filters and photon maps may have on purpose."""
+SHRINKS = (
+    "of a method that is only consistent (photon map, filter, denoiser) a bias that shrinks may be meant: "
+    "--consistent PARAM=v1,v2,v3,v4 judges its limit"
+)
 
 
 def _judge_pictures(
@@ -132,26 +214,30 @@ def _judge_pictures(
 
 @dataclass
 class _Run:
-    """The cases of a run: each is surveyed, and those that its seconds are enough for are judged."""
+    """The cases of a run, and the ways to judge them."""
 
     agenda: Agenda
     settings: Settings
     budget: Budget
     on_case: Callable[[Case, int], None] | None
     on_plan: Callable[[Timetable], None] | None
+    hint: bool
+    """A small bias may be meant, by a program of which nothing is known."""
     cases: list[Case] = field(default_factory=list)
     truths: dict[str, tuple[Truth, range]] = field(default_factory=dict)
     """And the seeds of their references."""
 
-    def judge_all(self) -> list[Case]:
-        """All verdicts; NotFound where the user's seconds are not enough for any."""
+    def judge_all(self) -> None:
+        """Each case is surveyed, and those that the seconds are enough for are judged; NotFound where the
+        user's are not enough for any.
+        """
         if math.isinf(self.budget.seconds):
             self._plan(Timetable(self.budget, self._names()))
             for task in self.agenda.tasks:
                 truth, taken = self._truth(task)
                 case = judge_task(task, truth, taken, self.settings)
                 self._add(_second_look(case, task, truth, taken, self.settings))
-            return self.cases
+            return
         waiting = list(self.agenda.tasks)
         chosen, longer, plan = self._survey(waiting)
         self._plan(plan)
@@ -167,7 +253,37 @@ class _Run:
                     longer.append(one)
         for task in (*(one.task for one in longer), *waiting):
             self.agenda.left_out[task.name] = plan.why_not
-        return self.cases
+
+    def judge_detecting(self, on_samples: Callable[[Sequence[Planned]], None] | None) -> None:
+        """With the samples that a detectable bias needs; what these are is said first."""
+        self._plan(Timetable(self.budget, self._names()))
+        planned = [plan_to_detect(task, *self._truth(task), self.settings) for task in self.agenda.tasks]
+        if on_samples:
+            on_samples(planned)
+        for one in planned:
+            self._add(judge_surveyed(one.found, replace(self.settings, spp=one.spp)))
+
+    def judge_until(self, ends: float) -> None:
+        """Each by as many looks as it takes."""
+        self._plan(Timetable(self.budget, self._names()))
+        looked = []
+        for task in self.agenda.tasks:
+            truth, taken = self._truth(task)
+            looked.append(Repeated(task, truth, set(taken), self.settings))
+        judge_until(looked, ends, self._add)
+        order = {(task.label, task.technique): number for number, task in enumerate(self.agenda.tasks)}
+        self.cases.sort(key=lambda case: order[case.scene, case.technique])
+
+    def judge_limits(self, sweep: Sweep, agendas: Sequence[Agenda]) -> None:
+        """The limit of each scene's bias, of agendas that differ in the value of the parameter."""
+        self._plan(Timetable(replace(self.budget, seconds=math.inf), self._names()))
+        scenes = list(zip(*(agenda.tasks for agenda in agendas), strict=True))
+        timed = replace(
+            self.settings, case_seconds=min(self.budget.seconds, QUICK_SECONDS) / len(scenes),
+            ends=self.budget.ends if self.budget.asked else math.inf,
+        )  # fmt: skip
+        for tasks in scenes:
+            self._add(judge_limit(sweep, tasks, *self._truth(tasks[0]), timed))
 
     def _names(self) -> list[tuple[str, str]]:
         return [(task.label, task.technique) for task in self.agenda.tasks]
@@ -231,6 +347,7 @@ class _Run:
             budget.own = max(budget.own, budget.clock() - one.renders.there[-1])
 
     def _add(self, case: Case) -> None:
+        case = may_shrink(case) if self.hint else case
         self.cases.append(case)
         if self.on_case:
             self.on_case(case, len(self.agenda.tasks))
@@ -243,15 +360,20 @@ class _Run:
 
 
 def _second_look(case: Case, task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    """A thorough run does what an INCONCLUSIVE case says would decide, where it has the time: fresh samples,
-    judged alone. Two looks double the chance of a wrong FAIL.
+    """A thorough run does what an INCONCLUSIVE case says would decide, where it has the time: further looks,
+    at fresh samples alone, until one decides. They double the chance of a wrong FAIL, however many they are.
     """
     planned = case.spp if settings.thorough and settings.spp is None else None
     more = case.more_samples if case.verdict is Outcome.INCONCLUSIVE and case.looks == 1 else None
     if not (planned and more and case.seconds * more < THOROUGH_SECONDS):
         return case
-    found = judge_task(task, truth, taken, replace(settings, spp=math.ceil(planned * more), look=1))
-    return replace(found, looks=2, fingerprint=case.fingerprint, seconds=found.seconds + case.seconds)
+    had = {*taken, *case_seeds(task.label, task.technique, settings.seed, taken)}
+    asked = replace(settings, spp=math.ceil(planned * more), look=1, earlier={})
+    again = Repeated(task, truth, had, asked)
+    judge_until([again], settings.clock() + THOROUGH_SECONDS, lambda _: None)
+    found = again.case or case
+    seconds = case.seconds + again.seconds
+    return replace(found, looks=1 + found.looks, fingerprint=case.fingerprint, seconds=seconds)
 
 
 def _reference_seeds(reference: references.Reference) -> range:
@@ -260,13 +382,14 @@ def _reference_seeds(reference: references.Reference) -> range:
 
 
 def _header(
-    spent: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int
-) -> dict[str, Any]:
+    spent: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int,
+    alpha: float = ALPHA,
+) -> dict[str, Any]:  # fmt: skip
     totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {
         "raycheck": raycheck_version(),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), "machine": machine(),
-        "mode": "thorough" if thorough else "quick", "seed": seed, "jobs": jobs, "alpha": 1e-5,
+        "mode": "thorough" if thorough else "quick", "seed": seed, "jobs": jobs, "alpha": alpha,
         "totals": totals | {"seconds": round(max(spent, sum(case.seconds for case in cases)), 1)},
         "left_out": dict(left_out),
     }  # fmt: skip

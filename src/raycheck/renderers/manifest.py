@@ -107,12 +107,17 @@ def manifest_for(renderer: object) -> Manifest:
     return read_manifest(path) if path else Manifest()
 
 
-def command_of(renderer: str | Path) -> Command:
-    """The command of a manifest, which runs in its folder, or one that is given."""
+def written_command(renderer: str | Path) -> tuple[str, Path | None]:
+    """The command of a manifest as it is written, and the folder that it runs in; or one that is given."""
     path = manifest_of(renderer)
     if path is None:
-        return Command.parse(str(renderer))
+        return str(renderer), None
     command = read_manifest(path).command
     if not command:
         raise NotFound(f'{path}: there is no command: write command = "… {{output}}"')
-    return Command.parse(command, path.parent)
+    return command, path.parent
+
+
+def command_of(renderer: str | Path) -> Command:
+    """That command, taken apart."""
+    return Command.parse(*written_command(renderer))

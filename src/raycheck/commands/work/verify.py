@@ -10,10 +10,11 @@ from rich.text import Text
 from raycheck.base.files import write_whole
 from raycheck.base.text import duration, one_line, percent, signed
 from raycheck.commands.support import COLOURS, Columns, Output, put
-from raycheck.judging import sentences
+from raycheck.judging import baseline, sentences
 from raycheck.judging.cases import Case, Verification
+from raycheck.judging.judge_renderer import Planned
 from raycheck.judging.timetable import Timetable
-from raycheck.stats.verdict import Outcome
+from raycheck.stats.verdict import ALPHA, Outcome
 
 WIDTHS = {"verdict": 12, "bias": 8, "interval (99 %)": 19, "spp": 4, "seconds": 7}
 """Of most figures, in characters."""
@@ -33,6 +34,17 @@ class Rows:
         if str(plan):
             put(Output(), Text(f"{plan}\n"))
 
+    def samples(self, planned: Sequence[Planned], bias: float) -> None:
+        """Say how many samples each case takes so that such a bias is noticed, and how long that is."""
+        open_ones = [one for one in planned if not one.found.case]
+        told = f"So that a bias of {percent(bias)} of the image is noticed with 90 % probability:"
+        put(Output(), Text(told))
+        table = Columns(("scene", "technique", "spp", "time"), right=("spp", "time"))
+        row = table.begin(Output(), self.widths | {"spp": 5, "time": 11})
+        for one in open_ones:
+            row(escape(one.task.label), one.task.technique, str(one.spp), duration(one.seconds))
+        put(Output(), Text(f"About {duration(sum(one.seconds for one in open_ones))} in all.\n"))
+
     def add(self, case: Case) -> None:
         """The row of a case, under the names of the columns if it is the first."""
         if self.row is None:
@@ -49,7 +61,8 @@ def show(result: Verification) -> None:
     console = Output()
     skipped = {case.name: case.reason for case in result.cases if case.skipped}
     for case in result.cases:
-        if case.verdict is not Outcome.PASS and not case.skipped:
+        quiet = case.verdict is Outcome.PASS and case.order is None
+        if not quiet and not case.skipped:
             console.print()
             console.print(
                 f"{escape(case.scene)}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
@@ -71,10 +84,28 @@ def show(result: Verification) -> None:
     console.print(sentence + ".", highlight=False)
     judged = [case for case in result.cases if not case.skipped]
     if judged:
-        console.print(_judged_against(judged), highlight=False, markup=False, soft_wrap=True)
+        for line in (_judged_against(judged), _chance(result, judged)):
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
     left_out = sentences.left_out(result.header.get("left_out", {}))
     for line in (*sentences.left_out(skipped, "SKIP"), *left_out):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def show_changes(before: Verification, now: Verification) -> None:
+    """What changed since the baseline."""
+    console = Output()
+    console.print()
+    for line in baseline.lines(before, now):
+        console.print(one_line(line), highlight=False, markup=False, soft_wrap=True)
+
+
+def _chance(result: Verification, judged: Sequence[Case]) -> str:
+    """Says how often a run like this of a renderer that is right has a FAIL, at most."""
+    alpha, cases = float(result.header.get("alpha", ALPHA)), len(judged)
+    again = sum(case.looks > 1 for case in judged) if result.header.get("mode") == "thorough" else 0
+    each = f"{cases} case{'s' if cases != 1 else ''} × {alpha:.2g}"
+    each += f", {again} looked at twice" if again else ""
+    return f"Chance of a wrong FAIL in such a run: at most {(cases + again) * alpha:.2g} ({each})."
 
 
 def _judged_against(cases: list[Case]) -> str:
