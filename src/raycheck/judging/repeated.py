@@ -83,9 +83,8 @@ class Repeated:
             case = known if known else ended(lambda: self._look(begun, make), self.task, make)
         self.seconds += settings.clock() - started
         if self.sets:
-            self.predicted = (settings.clock() - looked) * pace(seen(self.times)).longer(
-                self.sets[-1][1], self.spp or 1
-            )
+            longer = pace(seen(self.times)).longer(self.sets[-1][1], self.spp or 1)
+            self.predicted = (settings.clock() - looked) * longer
         self.case = replace(case, seconds=self.seconds)
         return self.case
 
