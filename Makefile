@@ -219,6 +219,7 @@ benchmark: $(BUILD)/.system-test $(VENV)/.test
 calibrate: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) calibrate nulls
 	$(RAYCHECK) calibrate mde
+	$(RAYCHECK) calibrate looks
 	$(RAYCHECK) calibrate mutants
 	$(RAYCHECK) calibrate signatures
 	$(RAYCHECK) calibrate parts

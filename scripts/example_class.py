@@ -99,7 +99,7 @@ esac
     (folder / "some.sh").write_text(script, encoding="utf-8")
     manifest = folder / "raycheck.toml"
     text = manifest.read_text(encoding="utf-8")
-    manifest.write_text(text.replace('run = "', 'run = "sh some.sh {task} '), encoding="utf-8")
+    manifest.write_text(text.replace('command = "', 'command = "sh some.sh {task} '), encoding="utf-8")
 
 
 def _one_scene(folder: Path) -> None:
@@ -111,7 +111,7 @@ def _one_scene(folder: Path) -> None:
 def _hopeless(folder: Path) -> None:
     folder.mkdir(parents=True)
     (folder / "render.cpp").write_text("int main() { return 0 }\n", encoding="utf-8")
-    manifest = 'build = "g++ -o render render.cpp"\nrun = "./render {output}"\n'
+    manifest = 'build = "g++ -o render render.cpp"\ncommand = "./render {output}"\n'
     (folder / "raycheck.toml").write_text(manifest, encoding="utf-8")
 
 
@@ -149,7 +149,7 @@ def _oneray(
     if name:
         command = "build/oneray {scene} --spp {spp} --seed {seed} -o {output} --quiet"
         run = " ".join((command, *technique(name).options))
-        (folder / "raycheck.toml").write_text(f'build = "make"\nrun = "{run}"\n', encoding="utf-8")
+        (folder / "raycheck.toml").write_text(f'build = "make"\ncommand = "{run}"\n', encoding="utf-8")
         _only_for(folder, tasks)
 
 

@@ -59,7 +59,7 @@ def _verification(words: Sequence[str]) -> str:
     cases = json.loads((REFERENCES / "verification.json").read_text(encoding="utf-8"))["cases"]
     count = Counter(case["verdict"] for case in cases)
     scenes = {case["scene"].split("@")[0] for case in cases}
-    verdicts = ", ".join(f"{count[one]} {one}" for one in Outcome)
+    verdicts = ", ".join(f"{count[one]} {one}" for one in Outcome if one is not Outcome.SKIP or count[one])
     sentences = [f"{verdicts} in {len(cases)} cases of {len(scenes)} scenes."]
     sentences += [
         f"{case['verdict']}: {_named(case)}, {case['reason']}."

@@ -27,7 +27,7 @@ import benchmark_measure
 from raycheck.base.data import ROOT
 from raycheck.base.files import write_whole
 from raycheck.base.text import scenes_json
-from raycheck.calibration import gradings, kills, naming, nulls, part_making, signatures, unseen
+from raycheck.calibration import gradings, kills, many_looks, naming, nulls, part_making, signatures, unseen
 from raycheck.judging import judge_renderer
 from raycheck.measuring import prices
 from raycheck.measuring.races import racing
@@ -95,6 +95,7 @@ RESULTS = (
            f"{sys.executable} scripts/benchmark.py --no-growth {{stale}} --json {{file}}", ("name",)),
     _calibrated("nulls", nulls.METHOD),
     _calibrated("mde", nulls.METHOD),
+    _calibrated("looks", many_looks.METHOD),
     _calibrated("mutants", kills.METHOD),
     Result("signatures/manifest.json", "scenes", signatures.METHOD, f"{RAYCHECK} calibrate signatures"),
     _calibrated("naming", naming.METHOD),

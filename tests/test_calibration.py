@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck.calibration import gradings, kills, lines, mutants, nulls, rivals, trials
+from raycheck.calibration import gradings, kills, lines, many_looks, mutants, nulls, rivals, trials
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
@@ -66,6 +66,41 @@ def test_an_interrupted_run_goes_on(tmp_path):
     assert len(nulls.read_lines(file)) == 2  # what was cut off is gone
 
 
+@pytest.fixture(scope="module")
+def looks(tmp_path_factory) -> dict:
+    """Five looks at one set of four configurations, and their summary."""
+    file = tmp_path_factory.mktemp("looks") / "looks.jsonl"
+    chosen = [one for one in nulls.CONFIGURATIONS if one.by not in ("mitsuba", "light")][:4]
+    assert len(list(many_looks.measure(file, 1, chosen))) == 4
+    assert list(many_looks.measure(file, 1, chosen)) == []  # it goes on where it was
+    return many_looks.summary(file)
+
+
+def test_no_false_alarm_in_five_looks(looks):
+    assert looks["verdicts"] == 4 * 8
+    assert looks["false_alarms"] == looks["false_alarms_whole"] == 0
+    assert looks["largest_evidence"] < 1000 < looks["needed_evidence"]
+    passed = list(looks["passed_after"].values())
+    assert passed == sorted(passed) and passed[-1] > passed[0]
+
+
+def test_e_is_at_most_one_on_average(looks):
+    """Of 40 sets of images of four scenes, on which p-values of single tiles are even."""
+    assert 0.2 < looks["mean_e"]["image"] < 1.2 and 0.2 < looks["mean_e"]["tile"] < 1.0
+    assert 0.5 < looks["p_values"]["tile"]["0.01"] / 0.01 < 1.5
+
+
+def test_more_looks_notice_less(looks):
+    """Together far less than each by itself."""
+    power = looks["power"]
+    errors = {n: power[n]["standard_errors"] for n in ("1", "2", "5")}
+    assert errors["1"]["together"] > errors["2"]["together"] > errors["5"]["together"]
+    assert errors["5"]["apart"] > 1.5 * errors["5"]["together"]
+    for n in errors:
+        half, _, twice = power[n]["image"]["together"]
+        assert half <= 0.5 and twice == 1.0
+
+
 class TestRivals:
     """The other rules do what their authors' do."""
 
@@ -114,6 +149,15 @@ def test_the_committed_result():
     assert found["mutants"]["killed"]["raycheck"] / found["mutants"]["not_equivalent"] >= 0.95
     assert found["mutants"]["equivalent_rejected"]["raycheck"] == 0
     assert len(found["nulls"]["configurations"]) >= 8
+    looks = found["looks"]
+    assert looks["verdicts"] >= 3200 and looks["looks"] >= 5
+    assert looks["false_alarms"] == looks["false_alarms_whole"] == 0
+    assert max(looks["mean_e"].values()) <= 1
+    for level, most in (("0.01", 1.2), ("0.001", 1.5), ("0.0001", 2.0)):
+        assert looks["p_values"]["tile"][level] <= most * float(level)
+    for looked in ("2", "5"):
+        for family in ("image", "tile"):
+            assert looks["power"][looked][family]["together"][1] >= 0.85
 
 
 GRADED = """\

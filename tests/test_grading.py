@@ -159,7 +159,7 @@ def test_names_that_are_no_text_are_names(tmp_path) -> None:
 
 
 def test_a_manifest_is_commands_and_pictures_are_files(tmp_path) -> None:
-    written(tmp_path / "raycheck.toml", 'run = "./mine\\u0000 {output}"')
+    written(tmp_path / "raycheck.toml", 'command = "./mine\\u0000 {output}"')
     (into := tmp_path.with_name("into-nul")).mkdir()
     with pytest.raises(SubmissionError, match="NUL byte"):
         open_submission(tmp_path, into)
@@ -169,11 +169,11 @@ def test_a_manifest_is_commands_and_pictures_are_files(tmp_path) -> None:
 
 def test_a_folder_in_an_archive_is_the_submission(tmp_path) -> None:
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        archive.writestr("mine/raycheck.toml", 'run = "./mine {output}"')
+        archive.writestr("mine/raycheck.toml", 'command = "./mine {output}"')
         archive.writestr("__MACOSX/mine", "")
     (tmp_path / "into").mkdir()
     found = open_submission(tmp_path / "a.zip", tmp_path / "into")
-    assert found.folder == tmp_path / "into/mine" and found.run == "./mine {output}"
+    assert found.folder == tmp_path / "into/mine" and found.manifest.command == "./mine {output}"
 
 
 def test_speed_is_a_ratio_with_an_interval_and_earns_points_up_to_a_limit(tmp_path) -> None:

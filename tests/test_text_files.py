@@ -105,10 +105,10 @@ def test_toml(tmp_path: Path, encoding: str, end: str) -> None:
     (tmp_path / "a.toml").write_bytes(ASSIGNMENT.replace("\n", end).encode(encoding))
     assert read_assignment(tmp_path / "a.toml").title == "é"
     (tmp_path / "mine").mkdir()
-    manifest = f'build = "make"{end}run = "./mine {{output}}"{end}'
+    manifest = f'build = "make"{end}command = "./mine {{output}}"{end}'
     (tmp_path / "mine/raycheck.toml").write_bytes(manifest.encode(encoding))
     submission = open_submission(tmp_path / "mine", tmp_path / "into")
-    assert (submission.build, submission.run) == ("make", "./mine {output}")
+    assert (submission.manifest.build, submission.manifest.command) == ("make", "./mine {output}")
 
 
 def test_toml_of_other_encodings(tmp_path: Path) -> None:

@@ -13,12 +13,18 @@ class RenderTimeout(RenderError):
     """A renderer that did not end in time."""
 
 
+class OutOfTime(RenderError):
+    """The time that the user gave was over before all pictures were there."""
+
+
 class RenderLate(RenderError):
     """A picture that took longer than it may: none, where an assignment says so."""
 
 
 class CannotRender(RenderError):
-    """A renderer that says, by exit status 77, that it cannot render the scene."""
+    """A renderer that says, by exit status 77 or a line "unsupported: why", that it does not support the
+    scene.
+    """
 
 
 class NotFound(PlainError):

@@ -15,7 +15,7 @@ class Status(IntEnum):
     BUG = 70
     """The program itself is wrong; EX_SOFTWARE of sysexits.h."""
     CANNOT = 77
-    """What a renderer says that cannot render a scene; a skipped test of automake."""
+    """What a renderer says that does not support a scene: SKIP; a skipped test of automake."""
     INTERRUPTED = 130
     UNREAD = 141
     """Nobody reads its output any more; as shells say of SIGPIPE."""

@@ -114,12 +114,32 @@ def last_words(said: str) -> str:
     return "; it said: " + " | ".join(lines[-3:]) if lines else ""
 
 
+UNSUPPORTED = "unsupported:"
+"""How the line begins by which a renderer says what of a scene it does not support."""
+
+
+def refusal(said: Iterable[str]) -> str:
+    """The line, of those that a renderer said, by which it refuses a scene; empty if there is none."""
+    return next((line.strip()[:300] for line in said if line.lstrip().startswith(UNSUPPORTED)), "")
+
+
 def duration(seconds: float) -> str:
+    """Two digits or so: "1.5 s", "45 s", "4 minutes", "1.6 hours", "12 days"."""
     if seconds < 120:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
+        return f"{seconds / 60:.0f} minutes"
+    if seconds < 48 * 3600:
+        return f"{seconds / 3600:.1f} hours" if seconds < 36000 else f"{seconds / 3600:.0f} hours"
+    return f"{times(seconds / 86400)} days" if math.isfinite(seconds) else "for ever"
+
+
+def times(value: float) -> str:
+    """Two digits, never as a power of ten: "1.2", "23", "110", "1,300"."""
+    if not math.isfinite(value):
+        return "∞"
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:,.0f}" if rounded >= 10 else f"{rounded:g}"
 
 
 def number(value: float) -> str:

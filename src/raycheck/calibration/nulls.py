@@ -132,10 +132,13 @@ def judge_null(images: Array, pilot_images: Array, truth: Truth) -> Judged:
     """What `raycheck verify` says of 64 images at SPP samples, and what it would say if they were biased."""
     sets = trials.judge_images(images, pilot_images, truth, SPP, SPP)
     outcome = Outcome.FAIL if sets.fails else sets.found.outcome
-    return Judged(outcome, _p_values(sets.first, sets.second, sets.expected), _injected(sets))
+    return Judged(outcome, p_values(sets.first, sets.second, sets.expected), _injected(sets))
 
 
-def _p_values(first: Array, second: Array, expected: Expected) -> Counter[str]:
+def p_values(
+    first: Array, second: Array, expected: Expected, levels: Sequence[float] = LEVELS
+) -> Counter[str]:
+    """As in Judged."""
     counts: Counter[str] = Counter()
     zero = np.zeros_like(expected.mean)
     one, two = (st.moments(r, expected.variance, expected.batches) for r in (first, second))
@@ -150,7 +153,7 @@ def _p_values(first: Array, second: Array, expected: Expected) -> Counter[str]:
             families["omnibus"] = np.array([together] if together < 1 else [])
         for family, values in families.items():
             counts[f"{family} of"] += len(values)
-            for level in LEVELS:
+            for level in levels:
                 counts[f"{family} {level:g}"] += int((values <= level).sum())
     return counts
 
@@ -221,12 +224,12 @@ def judge_set(configuration: Configuration, index: int, render: Render, truth: T
 def one_set(configuration: Configuration, index: int, build: Checkout) -> bytes:
     """`judge_set` as JSON: a piece of `measure_nulls`."""
     checkout.require(build)
-    found = judge_set(configuration, index, *_ready(configuration))
+    found = judge_set(configuration, index, *ready(configuration))
     return json.dumps(asdict(found)).encode()
 
 
 @functools.lru_cache(maxsize=len(CONFIGURATIONS))
-def _ready(configuration: Configuration) -> tuple[Render, Truth]:
+def ready(configuration: Configuration) -> tuple[Render, Truth]:
     make = mitsuba_render if configuration.by == "mitsuba" else oneray_render
     return make(configuration), trials.load_truth(configuration.scene)
 

@@ -10,7 +10,8 @@ def markdown(found: Mapping[str, Any]) -> str:
     """Kill rates and false alarms by rule, then what else was measured, a line each."""
     return "\n\n".join(
         [_rules(found["mutants"], found["nulls"]), _alarms(found["nulls"]), _power(found["mde"]),
-         _naming(found["naming"]), _unseen(found["unseen"]), _gradings(found["gradings"])]
+         _looks(found["looks"]), _naming(found["naming"]), _unseen(found["unseen"]),
+         _gradings(found["gradings"])]
     )  # fmt: skip
 
 
@@ -56,6 +57,30 @@ def _power(mde: Mapping[str, Any]) -> str:
         "A bias of 0.5, 1 and 2 times the printed detectable one, injected, is noticed by the test that it "
         f"was printed for: {'; '.join(said)}."
     )
+
+
+def _looks(found: Mapping[str, Any]) -> str:
+    power, p, e = found["power"], found["p_values"]["tile"], found["mean_e"]
+    lines = [
+        "| looks | detectable, together | each by itself | noticed together: image | tile | "
+        "each by itself: image | tile |",
+        "| ---: |" + " ---: |" * 6,
+    ]
+    for looks in (name for name in power if name != "strengths"):
+        errors, one = power[looks]["standard_errors"], power[looks]
+        shares = [one[family][rule][1] for rule in ("together", "apart") for family in ("image", "tile")]
+        cells = " | ".join(f"{100 * share:.0f} %" for share in shares)
+        lines.append(f"| {looks} | {errors['together']:.2f} | {errors['apart']:.2f} | {cells} |")
+    told = (
+        f"`verify --until`: {found['looks']} looks at each of {found['verdicts']:,} parts of images that are "
+        f"right give {found['false_alarms']} false alarms; the largest evidence is "
+        f"{found['largest_evidence']:.3g}, where a FAIL needs {found['needed_evidence']:,.0f}. The mean of e "
+        f"is {e['image']:.2f} (image) and {e['tile']:.2f} (tiles), at most 1 as it must be; p-values of "
+        f"tiles below 0.01, 0.001 and 0.0001 are {p['0.01']:.4f}, {p['0.001']:.5f} and {p['0.0001']:.6f} of "
+        f"{p['of']:,}. What one test at the level of a case notices with 90 % probability, in standard "
+        "errors of one of the two sets of a look, and how often the printed bias is noticed, injected:"
+    )
+    return f"{told}\n\n" + "\n".join(lines)
 
 
 def _naming(naming: Mapping[str, Any]) -> str:

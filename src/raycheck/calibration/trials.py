@@ -86,7 +86,7 @@ def judge_images(
     images: Array, pilot_images: Array, truth: Truth, spp: int, pilot_spp: int = PILOT_SPP
 ) -> Sets:
     """Judge 64 images at `spp` samples per pixel, and 8 of a pilot."""
-    pilot = measure_pilot(pilot_images, pilot_spp, truth, {pilot_spp: 1.0})
+    pilot = measure_pilot(pilot_images, pilot_spp, truth)
     regions = truth.regions(spp, pilot.skewness)
     expected = truth.expected(regions, spp / max(pilot.noise, 1.0))
     residuals = region_means(images, regions) - expected.mean

@@ -1,6 +1,7 @@
 """raycheck calibrate: measure raycheck itself, into references/calibration.json.
 
-`nulls`, `mutants` and `gradings` are split over processes or machines, each of which needs the checkout.
+`nulls`, `looks`, `mutants` and `gradings` are split over processes or machines, each of which needs the
+checkout.
 What measures is imported by the command that needs it: scipy.stats, for the rules of others, takes a second.
 """
 
@@ -63,6 +64,24 @@ def run_nulls(
     summary = nulls.summary(file)
     summary.pop("power")
     _put("nulls", summary, json_file)
+
+
+@app.command(name="looks")
+def run_looks(
+    sets: Annotated[int, typer.Option(min=1, help="Of looks, for each configuration; 8 verdicts each.")] = 40,
+    work: Folder = LINES,
+    jobs: Jobs = None,
+    dask: Cluster = None,
+    json_file: Result = None,
+) -> None:
+    """Correct renderers looked at many times over: false alarms, and the power of looks that add up."""
+    from raycheck.calibration import many_looks
+
+    file = _ready(work) / "looks.jsonl"
+    for found in many_looks.measure(file, sets, pool=_pool(jobs, dask)):
+        failed = any("FAIL" in outcomes for outcomes in (*found["outcomes"], found["whole"]))
+        print(f"{found['configuration']} {found['index']}: {'FALSE ALARM' if failed else 'no alarm'}")
+    _put("looks", many_looks.summary(file), json_file)
 
 
 @app.command()

@@ -21,7 +21,19 @@ Technique = Annotated[
 ]
 RendererCommand = Annotated[
     str | None,
-    typer.Option(metavar="CMD", help="This command, with {output} and where it can {scene} {spp} {seed}."),
+    typer.Option(
+        metavar="CMD",
+        help="This command, with {output} and where it can {scene} or {json}, {spp} {seed}; or a folder with "
+        "a raycheck.toml.",
+    ),
+]
+Needs = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WORDS",
+        help="Only scenes that need no other shapes, lights or surfaces than these, such as "
+        "rectangle,sphere; in the words that raycheck scene prints.",
+    ),
 ]
 Pictures = Annotated[
     str | None,
@@ -35,6 +47,42 @@ JunitFile = Annotated[
 ]
 Seconds = Annotated[
     float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
+]
+Until = Annotated[
+    float | None,
+    typer.Option(
+        min=1,
+        metavar="SECONDS",
+        help="Look again, with fresh samples, at what is not decided, so long; the level holds all the same.",
+    ),
+]
+Detect = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="Take the samples that show such a bias of the image, as in 0.5%; says first how long.",
+    ),
+]
+Consistent = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PARAM=v1,v2,v3,v4",
+        help="Judge what the bias tends to as {PARAM} of the --renderer goes from coarse to fine.",
+    ),
+]
+Baseline = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="An earlier verify --json: also say which scenes changed since, and by how much."
+    ),
+]
+Level = Annotated[
+    float | None,
+    typer.Option(
+        min=1e-7,
+        max=0.05,
+        help="Chance that any FAIL of the whole run is wrong; by default 1e-5 for each case.",
+    ),
 ]
 Delta = Annotated[
     float | None,

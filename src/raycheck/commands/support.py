@@ -1,15 +1,16 @@
 """What the commands share: the terminal, tables that fit it, a bar that shows how far a long run is."""
 
 import os
+import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
 from rich.cells import cell_len
-from rich.console import Console, JustifyMethod
+from rich.console import Console, JustifyMethod, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -35,6 +36,13 @@ class Output(Console):
         raise BrokenPipeError  # its own exit status would be 1
 
 
+def put(console: Console, what: RenderableType) -> None:
+    """Print at once, also into a pipe, and above a progress bar."""
+    with console.capture() as captured:
+        console.print(what, soft_wrap=isinstance(what, Text | str), highlight=False)
+    print(captured.get(), end="", flush=True)
+
+
 class Columns:
     """A table without lines. Where it is wider than the terminal, each row becomes lines of a name and a
     value: no number is cut.
@@ -47,6 +55,39 @@ class Columns:
 
     def add_row(self, *cells: str, style: str | None = None) -> None:
         self.rows.append((list(cells), style))
+
+    def begin(self, console: Console, widths: Mapping[str, int]) -> Callable[..., None]:
+        """Print the header, and each row, of cells and a style, as the function that is returned gets it.
+        Columns are as wide as their names and these `widths`, and what is wider goes beyond.
+        """
+        names = [as_printed(name, sys.stdout) for name in self.names]
+        wide = [max(cell_len(name), widths.get(key, 0)) for name, key in zip(names, self.names, strict=True)]
+        stacked = sum(wide) + 2 * (len(wide) - 1) > console.width
+        count = 0
+
+        def line(cells: Sequence[Text]) -> Text:
+            whole = Text()
+            for key, cell, width in zip(self.names, cells, wide, strict=True):
+                gap = " " * max(width - cell.cell_len, 0)
+                whole.append("  " if whole.cell_len else "")
+                whole.append_text(Text(gap) + cell if key in self.right else cell + gap)
+            whole.rstrip()
+            return whole
+
+        def row(*cells: str, style: str | None = None) -> None:
+            nonlocal count
+            shown = [Text.from_markup(as_printed(cell, sys.stdout)) for cell in cells]
+            if stacked:
+                if count:
+                    put(console, "")
+                put(console, self._block(shown, style))
+            else:
+                put(console, line(shown))
+            count += 1
+
+        if not stacked:
+            put(console, line([Text(name, "bold") for name in names]))
+        return row
 
     def show(self, console: Console) -> None:
         shown = [[Text.from_markup(as_printed(cell, sys.stdout)) for cell in cells] for cells, _ in self.rows]
@@ -67,15 +108,18 @@ class Columns:
 
     def _stack(self, console: Console, shown: Sequence[Sequence[Text]]) -> None:
         for index, (row, (_, style)) in enumerate(zip(shown, self.rows, strict=True)):
-            one = Table.grid(padding=(0, 2, 0, 0), pad_edge=False)
-            one.add_column(no_wrap=True)
-            one.add_column(overflow="fold")
-            for name, cell in zip(self.names, row, strict=False):
-                if cell:
-                    one.add_row(as_printed(name, sys.stdout), cell, style=style)
             if index:
                 console.print()
-            console.print(one)
+            console.print(self._block(row, style))
+
+    def _block(self, row: Sequence[Text], style: str | None) -> Table:
+        one = Table.grid(padding=(0, 2, 0, 0), pad_edge=False)
+        one.add_column(no_wrap=True)
+        one.add_column(overflow="fold")
+        for name, cell in zip(self.names, row, strict=False):
+            if cell:
+                one.add_row(as_printed(name, sys.stdout), cell, style=style)
+        return one
 
 
 def parse_settings(settings: list[str] | None) -> dict[str, str]:
@@ -87,13 +131,29 @@ def parse_settings(settings: list[str] | None) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
+def parse_bias(text: str) -> float:
+    """ "0.5%" as 0.005; NotFound for anything else, and for what no verdict can show."""
+    found = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*%\s*", text)
+    if not found:
+        raise NotFound(f"--detect {text}: a percentage of the image is wanted, such as 0.5%")
+    bias = float(found[1]) / 100
+    if not LEAST_BIAS < bias <= MOST_BIAS:
+        least, most = 100 * LEAST_BIAS, 100 * MOST_BIAS
+        raise NotFound(f"--detect {text}: above {least:g}%, up to which no bias ever FAILs, to {most:g}%")
+    return bias
+
+
+LEAST_BIAS, MOST_BIAS = 5e-4, 0.5
+"""The first is stats.verdict.SYSTEMATIC; importing that takes numpy."""
+
+
 def writable(path: Path | None) -> None:
     """Say before a long run, not after it, that its result cannot be written."""
     if path is not None and (path.is_dir() or not Path(os.path.realpath(path)).parent.is_dir()):
         raise NotFound(f"{path}: there is no such folder, or it is one")
 
 
-COLOURS = {"PASS": "green", "FAIL": "bold red", "INCONCLUSIVE": "yellow"}
+COLOURS = {"PASS": "green", "FAIL": "bold red", "INCONCLUSIVE": "yellow", "SKIP": "dim"}
 
 
 class Done(Protocol):
@@ -113,7 +173,8 @@ def progress_bar(what: str) -> Iterator[Callable[[Done, int], None] | None]:
         yield None
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
+    seen = sys.stdout.isatty()
+    with Progress(*columns, console=console, transient=True, redirect_stdout=seen) as bar:
         task = bar.add_task(what, total=None)
 
         def on_case(case: Done, total: int) -> None:

@@ -1,11 +1,15 @@
 """raycheck verify: judge a renderer, and show the table of verdicts."""
 
+from pathlib import Path
+
 import typer
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
+from raycheck.base.statuses import Status
 from raycheck.commands import options
-from raycheck.commands.support import parse_settings, progress_bar, writable
+from raycheck.commands.support import parse_bias, parse_settings, progress_bar, writable
+from raycheck.renderers.manifest import MANIFEST
 from raycheck.scene import techniques, variants
 
 
@@ -14,10 +18,16 @@ def verify(
     settings: options.Settings = None,
     technique: options.Technique = None,
     renderer: options.RendererCommand = None,
+    needs: options.Needs = None,
     images: options.Pictures = None,
     json_file: options.JsonFile = None,
     junit: options.JunitFile = None,
     seconds: options.Seconds = None,
+    until: options.Until = None,
+    detect: options.Detect = None,
+    consistent: options.Consistent = None,
+    level: options.Level = None,
+    baseline: options.Baseline = None,
     delta: options.Delta = None,
     thorough: options.Thorough = False,
     resume: options.Resume = False,
@@ -33,6 +43,17 @@ def verify(
     writable(junit)
     if thorough and seconds is not None:
         raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
+    if until is not None and (thorough or seconds is not None):
+        raise NotFound(
+            "--until says how long the run may take: it goes with neither --seconds nor --thorough"
+        )
+    bias = parse_bias(detect) if detect is not None else None
+    if bias is not None and (thorough or any(x is not None for x in (seconds, until, spp))):
+        raise NotFound("--detect says how many samples: not with --seconds, --until, --spp or --thorough")
+    if images is not None and any(x is not None for x in (until, bias, level)):
+        raise NotFound("--images judges what there is: it goes with neither --until, --detect nor --level")
+    if consistent is not None and (thorough or any(x is not None for x in (until, bias, images, technique))):
+        raise NotFound("--consistent goes with a --renderer, and not with --until, --detect or --thorough")
     if resume and json_file is None:
         raise NotFound("--resume goes on with the run in --json FILE: name it")
     parameters = parse_settings(settings)
@@ -40,6 +61,8 @@ def verify(
         variants.variant(scene, parameters)
     for name in technique or ():
         techniques.technique(name)
+    if renderer is None and images is None and not technique and Path(MANIFEST).is_file():
+        renderer = MANIFEST
     from raycheck.commands.work import verify as work
     from raycheck.judging.cases import Verification
     from raycheck.judging.junit import junit_xml
@@ -49,17 +72,25 @@ def verify(
     standard = Limits()
     limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
     going_on = resume and json_file is not None and json_file.is_file()
+    before = Verification.read(baseline) if baseline else None
     with progress_bar("verifying") as on_case:
         kept = Verification.read(json_file).cases if going_on and json_file else []
+        rows = work.Rows()
         result = run_verification(
             renderer, scenes or (), parameters=parameters, techniques=technique or (),
+            needs=needs.split(",") if needs is not None else None,
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
-            limits=limits, earlier=kept,
-            on_case=work.saving(json_file, kept, on_case) if thorough else on_case,
+            until=until, detect=bias, consistent=consistent, level=level, limits=limits, earlier=kept,
+            on_case=work.saving(json_file, kept, rows, on_case), on_plan=rows.plan,
+            on_samples=lambda planned: rows.samples(planned, bias or 0.0),
         )  # fmt: skip
     work.show(result)
+    if before:
+        work.show_changes(before, result)
     if json_file:
         write_whole(json_file, result.to_json())
     if junit:
         write_whole(junit, junit_xml(result))
+    if result.exit_status == Status.COULD_NOT_RUN:
+        raise NotFound("nothing was judged: the renderer supports none of these scenes")
     raise typer.Exit(result.exit_status)

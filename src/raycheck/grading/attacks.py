@@ -112,7 +112,7 @@ def hand_in(attack: Attack, folder: Path) -> None:
     for name in (*attack.files, "attack.sh"):
         (folder / name).write_bytes((FOLDER / name).read_bytes())
     run = attack.run or f"sh attack.sh {attack.name} {{output}}"
-    manifest = f'build = "{attack.build}"\nrun = "{run}"\n'
+    manifest = f'build = "{attack.build}"\ncommand = "{run}"\n'
     (folder / "raycheck.toml").write_text(manifest, encoding="utf-8")
 
 
@@ -133,7 +133,7 @@ def hostile_archives(folder: Path) -> dict[str, str]:
             archive.addfile(member)
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
-        archive.writestr("raycheck.toml", 'run = "x {output}"')
+        archive.writestr("raycheck.toml", 'command = "x {output}"')
     (folder / "cut-short.zip").write_bytes(whole.getvalue()[:-30])
     return ARCHIVES
 

@@ -17,7 +17,7 @@ from raycheck.scene.techniques import technique
 SOURCES = Path("src/oneray")
 MANIFEST = """\
 build = "make"
-run = "sh render.sh {task} {scene} {spp} {seed} {output}"
+command = "sh render.sh {task} {scene} {spp} {seed} {output}"
 """
 HEADER = """\
 # make     builds build/oneray, with one kernel at this machine's width

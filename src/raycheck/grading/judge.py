@@ -18,7 +18,7 @@ import numpy as np
 
 from raycheck.base import pictures
 from raycheck.base.arrays import Array
-from raycheck.base.errors import RenderError, RenderLate, RenderTimeout
+from raycheck.base.errors import CannotRender, RenderError, RenderLate, RenderTimeout
 from raycheck.base.images import Image
 from raycheck.base.seeds import make_seeds
 from raycheck.grading import handed_in, noise, points, speed
@@ -36,7 +36,8 @@ from raycheck.judging.judge_images import judge_pictures
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES
 from raycheck.judging.verify import verify
 from raycheck.renderers import builds
-from raycheck.scene import lecture
+from raycheck.renderers.manifest import MANIFEST
+from raycheck.scene import export, lecture
 from raycheck.scene.variants import Variant
 from raycheck.stats.tiles import region_means
 from raycheck.stats.verdict import Limits, Outcome
@@ -59,7 +60,10 @@ LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
 """Pictures of a look."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
 PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
-NOT_TRIED = "not tried: the scene itself fails"
+NOT_TRIED = {
+    Outcome.FAIL: "not tried: the scene itself fails",
+    Outcome.SKIP: "not tried: the program does not support the scene itself",
+}
 FEW_IMAGES = 8
 MORE = 4
 """Times the samples of a look that noise makes necessary."""
@@ -116,10 +120,11 @@ class Grader:
         unpacked.mkdir(mode=0o755)
         submission = open_submission(path, unpacked)
         digest = digest_of(unpacked)
-        command = "" if submission.pictures_alone else submission.run or self.assignment.run
+        command = "" if submission.pictures_alone else submission.manifest.command or self.assignment.run
         if not command and not submission.pictures_alone:
-            raise SubmissionError('there is no run command: write run = "…" into raycheck.toml')
-        to_build = self.assignment.build if submission.build is None else submission.build
+            raise SubmissionError('there is no command: write command = "…" into raycheck.toml')
+        to_build = submission.manifest.build
+        to_build = self.assignment.build if to_build is None else to_build
         problem = build(jail, submission.folder, to_build) if command else ""
         if problem:
             result = failed_everything(self.assignment, student, problem, jail.describe())
@@ -185,8 +190,9 @@ class Grader:
             return points.earned(self.assignment, task, [nothing])
         scenes: list[SceneResult] = []
         for number, (of, name, varies) in enumerate(self.scenes[task.id]):
-            if varies and scenes[-1].verdict is Outcome.FAIL:
-                scenes.append(SceneResult(name, True, Outcome.FAIL, NOT_TRIED))
+            before = scenes[-1].verdict if varies else None
+            if before is Outcome.FAIL or before is Outcome.SKIP:
+                scenes.append(SceneResult(name, True, before, NOT_TRIED[before]))
             elif attempt.jail.left() <= 0:
                 reason = f"{OVER} before this scene"
                 scenes.append(SceneResult(name, bool(varies), Outcome.INCONCLUSIVE, reason))
@@ -203,8 +209,13 @@ class Grader:
         hidden = varies is not None
         (work / "scratch").mkdir(parents=True, mode=0o711)
         size = write_scene(of, name, work / "scene")
+        own = attempt.submission.manifest
+        lacks = own.needs.lacks(export.export(of)["needs"]) if own.needs else []
+        if lacks:
+            reason = f"needs {' and '.join(lacks)}, which {MANIFEST} does not name"
+            return SceneResult(name, hidden, Outcome.SKIP, reason)
         purpose = f"{task.id}/{of.label}/{attempt.digest if hidden else ''}"
-        jail = attempt.jail.within(attempt.jail.left())
+        jail = attempt.jail.within(attempt.jail.left(), own.limits.picture_seconds)
         try:
             program = Program(
                 jail, attempt.submission.folder, attempt.command, work / "scene", name, size, task.id,
@@ -221,6 +232,8 @@ class Grader:
                 found.speed = self._speed(task, program, purpose)
         except RenderTimeout as error:
             found = SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error))
+        except CannotRender as error:
+            found = SceneResult(name, hidden, Outcome.SKIP, str(error))
         except RenderError as error:
             found = SceneResult(name, hidden, Outcome.FAIL, str(error))
         found.secret = hidden
@@ -237,7 +250,7 @@ class Grader:
             label = of.label if of.canonical else of.path
             return verify(
                 program, [label], seed=seed, spp=spp, jobs=1, limits=self.finds,
-                timeout=self.assignment.limits.picture_seconds,
+                timeout=self.assignment.limits.picture_seconds, times=False,
             ).cases[0]  # fmt: skip
 
         cases, spp = [look(0, task.spp)], task.spp

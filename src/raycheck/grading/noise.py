@@ -17,9 +17,9 @@ from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique
 from raycheck.scene.variants import Variant
+from raycheck.stats.spread import log_variance
 
 IMAGES = 32
-GROUPS = 8
 KEPT = "noise.json"
 SURE = 3.0
 """Half the width of the interval in standard errors."""
@@ -39,7 +39,7 @@ def compare(pictures: Sequence[Array], of: Variant, spp: int, name: str, folder:
     """Pictures (H, W, 3) of `spp` samples per pixel each; None where either side does not vary. `folder` is
     as of `of_oneray`.
     """
-    ours, ours_error = _log_variance(np.stack(pictures))
+    ours, ours_error = log_variance(np.stack(pictures))
     theirs, theirs_error = of_oneray(of, spp, name, folder)
     if not (math.isfinite(ours) and math.isfinite(theirs)):
         return None
@@ -61,21 +61,6 @@ def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, fl
         command = oneray_command(oneray_path(), technique(name).options, of.parameters)
         seeds = make_seeds(f"noise/{of.label}/{name}", IMAGES)
         images = [command.render(of.path, spp, seed, 600.0).image.pixels for seed in seeds]
-        kept[key] = _log_variance(np.stack(images))
+        kept[key] = log_variance(np.stack(images))
         write_whole(file, json.dumps(kept, indent=1) + "\n")
     return tuple(kept[key])
-
-
-def _log_variance(images: Array) -> tuple[float, float]:
-    """log of the mean variance of a pixel, and its standard error by the jackknife over groups of images."""
-
-    def log_mean(some: Array) -> float:
-        value = float(some.var(axis=0, ddof=1).mean())
-        return math.log(value) if value > 0 else -math.inf
-
-    whole = log_mean(images)
-    if not math.isfinite(whole):
-        return whole, math.inf
-    parts = np.array_split(np.arange(len(images)), GROUPS)
-    without = np.array([log_mean(np.delete(images, part, axis=0)) for part in parts])
-    return whole, float(np.sqrt((GROUPS - 1) / GROUPS * ((without - without.mean()) ** 2).sum()))

@@ -19,14 +19,16 @@ def earned(
     assignment: Assignment, task: Task, scenes: list[SceneResult], executed: bool = True
 ) -> TaskResult:
     """The scenes share the points; those for noise and speed are earned where every scene passes, and wait
-    with a verdict that is open. Pictures that were handed in, not executed, have none of these.
+    with a verdict that is open. Pictures that were handed in, not executed, have none of these. A scene that
+    the program does not support earns nothing.
     """
     outcomes = [scene.verdict for scene in scenes]
     share = task.points / len(scenes)
     points = share * outcomes.count(Outcome.PASS)
     waiting = share * outcomes.count(Outcome.INCONCLUSIVE)
-    verdict = next((o for o in (Outcome.FAIL, Outcome.INCONCLUSIVE) if o in outcomes), Outcome.PASS)
-    compared = executed and verdict is not Outcome.FAIL
+    worst = (Outcome.FAIL, Outcome.INCONCLUSIVE, Outcome.SKIP)
+    verdict = next((outcome for outcome in worst if outcome in outcomes), Outcome.PASS)
+    compared = executed and verdict in (Outcome.PASS, Outcome.INCONCLUSIVE)
     open_ = verdict is Outcome.INCONCLUSIVE
     nothing = 0.0, 0.0, ""
     quiet, quiet_waits, of_noise = _noise(task, scenes, open_) if compared and task.noise_points else nothing

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from raycheck.base.arrays import Array
-from raycheck.base.errors import NotFound, RenderError, RenderLate, RenderTimeout
+from raycheck.base.errors import CannotRender, NotFound, RenderError, RenderLate, RenderTimeout
 from raycheck.base.processes import windows_lines
 from raycheck.base.text import last_words
 from raycheck.grading.jail.limits import Limits
@@ -170,6 +170,8 @@ class Program(Taken, TakesPlaceholders):
             )  # fmt: skip
             if done.problem and done.late and self.jail.left() <= 0:
                 raise RenderTimeout(OVER)
+            if done.refused:
+                raise CannotRender(done.refused)
             if done.problem:
                 kind = RenderLate if done.late else RenderError
                 raise kind(f"no picture (seed {seed}): {done.problem}{windows_lines(words, self.folder)}")

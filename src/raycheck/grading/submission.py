@@ -9,22 +9,22 @@ import os
 import shutil
 import stat
 import tarfile
-import tomllib
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
-MANIFEST = "raycheck.toml"
+from raycheck.base.errors import NotFound
+from raycheck.renderers.manifest import MANIFEST, Manifest, read_manifest
+
 PICTURES = "pictures"
 """The folder of pictures that are handed in, with one of its own for each task."""
 MOST_FILES = 5000
 TOO_MANY = f"more than {MOST_FILES} files"
 MOST_BYTES = 200 << 20
 TOO_LARGE = f"it unpacks to more than {MOST_BYTES >> 20} MB"
-KEYS = ("build", "run")
 ARCHIVES = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
 
 
@@ -40,9 +40,8 @@ class Submission:
     """A submission that was unpacked."""
 
     folder: Path
-    build: str | None = None
-    """Empty: nothing is to be built; None: as the assignment says."""
-    run: str = ""
+    manifest: Manifest = field(default_factory=Manifest)
+    """Where it says nothing of a build or a command the assignment does."""
     has_manifest: bool = False
 
     @property
@@ -239,15 +238,9 @@ def _manifest(folder: Path) -> Submission:
     if not path.is_file():
         return Submission(folder)
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SubmissionError(f"{MANIFEST} is not TOML: {error}") from None
-    wrong = [key for key, value in found.items() if key not in KEYS or not isinstance(value, str)]
-    if wrong:
-        raise SubmissionError(f"{MANIFEST}: {wrong[0]!r} is not one of {', '.join(KEYS)}, each a string")
-    if any("\0" in value for value in found.values()):
-        raise SubmissionError(f"{MANIFEST}: a command with a NUL byte")
-    return Submission(folder, **found, has_manifest=True)
+        return Submission(folder, read_manifest(path), has_manifest=True)
+    except NotFound as error:
+        raise SubmissionError(str(error)) from None
 
 
 def remove(folder: Path) -> None:

@@ -25,7 +25,11 @@ Beside this way lie
 tile_errors   the error in tiles, and its noise
 fitting       how likely candidates are, all by one formula
 conventions   pictures that were written, or sampled, in another way
+repeated      looks at a case again and again until it is decided, by evidence that multiplies
+consistent    judges the limit of a bias that shrinks with a parameter
+baseline      today's verdicts beside another day's
 settings      numbers of images, budgets, wishes
+timetable     the seconds of a run: which cases fit into them, and the time of a picture
 judge_images  verdicts on pictures that are already rendered, even a single one
 inspection    raycheck diagnose: all that can be said of images that nobody has judged
 compare       two images by the standard errors that they carry

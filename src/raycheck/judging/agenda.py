@@ -5,19 +5,20 @@ import shutil
 import subprocess
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from raycheck.base.errors import NotFound
-from raycheck.renderers import commands
+from raycheck.base.errors import NotFound, ReferenceError_
+from raycheck.renderers import commands, manifest
 from raycheck.renderers.callables import Function
 from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.renderers.renderer import Renderer
-from raycheck.scene import document
+from raycheck.scene import document, export
 from raycheck.scene.content import SceneContent, read_content
+from raycheck.scene.support import Support
 from raycheck.scene.techniques import BEST, Technique, applicable, technique
 from raycheck.scene.variants import Variant, ladder
 from raycheck.truth import references
@@ -40,6 +41,11 @@ class Task:
     @property
     def label(self) -> str:
         return self.of.label
+
+    @property
+    def name(self) -> str:
+        """The case: "scene, technique", or the scene alone of another renderer."""
+        return self.label if self.technique == "renderer" else f"{self.label}, {self.technique}"
 
     @property
     def content(self) -> SceneContent:
@@ -93,7 +99,7 @@ def oneray_agenda(
     if not found:
         raise NotFound(f"{', '.join(techniques)} applies to none of {_names(scenes)}")
     if not pairs:
-        raise NotFound("; ".join(f"{case}: {why}" for case, why in agenda.left_out.items()))
+        raise NotFound(nothing_left(agenda.left_out))
     if cover:
         pairs = _cover(pairs)
     if variants:
@@ -128,40 +134,93 @@ def _require_rendered(oneray: Path, scenes: Sequence[Variant]) -> None:
 
 
 def renderer_agenda(
-    renderer: str | Callable[[Path, int, int], ArrayLike] | Renderer,
+    renderer: str | Path | Callable[[Path, int, int], ArrayLike] | Renderer,
     scenes: Sequence[Variant], folder: Path, *, explicit: bool,
 ) -> Agenda:  # fmt: skip
-    """Another renderer on each scene. A scene with other parameters is written into `folder` as a file whose
-    defaults they are. `explicit`: the user named the scenes.
+    """Another renderer on each scene: a command, a folder with a raycheck.toml, a callable. A scene with
+    other parameters is written into `folder` as a file whose defaults they are, and every scene once as JSON
+    where the command takes {json}. `explicit`: the user named the scenes.
     """
     chosen: Renderer
-    if isinstance(renderer, str):
-        chosen = commands.Command.parse(renderer)
+    if isinstance(renderer, str | Path):
+        chosen = manifest.command_of(renderer)
     else:
         chosen = renderer if isinstance(renderer, Renderer) else Function(renderer)
     if not chosen.takes_scene and (len(scenes) != 1 or not explicit):
         raise NotFound("the renderer command has no {scene}: name the one SCENE that it renders")
-    paths = [write_variant(of, folder) if of.parameters else of.path for of in scenes]
-    tasks = [Task(of, "renderer", chosen, path) for of, path in zip(scenes, paths, strict=True)]
-    return Agenda(tasks)
+    agenda = Agenda()
+    for index, of in enumerate(scenes):
+        own = chosen
+        if isinstance(chosen, commands.Command) and chosen.takes("{json}"):
+            told = folder / str(index) / f"{_file_name(of)}.json"
+            try:
+                text = export.to_json(export.export(of))
+            except ReferenceError_ as error:
+                agenda.left_out[of.label] = f"{NO_JSON}: {error}"
+                continue
+            told.parent.mkdir()
+            told.write_text(text, encoding="utf-8")
+            own = replace(chosen, json=told)
+        path = write_variant(of, folder) if of.parameters else of.path
+        agenda.tasks.append(Task(of, "renderer", own, path))
+    if not agenda.tasks:
+        raise NotFound(nothing_left(agenda.left_out))
+    return agenda
+
+
+NO_JSON = "it cannot be written as JSON"
+
+
+def supported(scenes: Sequence[Variant], supports: Support | None) -> tuple[list[Variant], dict[str, str]]:
+    """The scenes that need no more than a renderer supports, and of the others why not, by label; NotFound if
+    these are all.
+    """
+    if supports is None:
+        return list(scenes), {}
+    chosen, left_out = [], {}
+    for of in scenes:
+        try:
+            lacks = supports.lacks(export.export(of)["needs"])
+        except ReferenceError_ as error:
+            left_out[of.label] = f"{NO_JSON}, which says what it needs: {error}"
+            continue
+        if lacks:
+            left_out[of.label] = f"needs {' and '.join(lacks)}"
+        else:
+            chosen.append(of)
+    if not chosen:
+        raise NotFound(f"no scene is left: {nothing_left(left_out)}")
+    return chosen, left_out
+
+
+def nothing_left(left_out: Mapping[str, str]) -> str:
+    """Why nothing is judged, in one line."""
+    return "; ".join(f"{case}: {why}" for case, why in left_out.items())
 
 
 def write_variant(of: Variant, folder: Path) -> Path:
     """The scene as a file of its own: parameters as defaults, paths of mesh files absolute."""
-    path = folder / f"{re.sub(r'[^-@=,.+A-Za-z0-9_]', '_', of.label)}.xml"
+    path = folder / f"{_file_name(of)}.xml"
     document.write(of.document().moved(lambda mesh: str(mesh.resolve())), path)
     return path
+
+
+def _file_name(of: Variant) -> str:
+    return re.sub(r"[^-@=,.+A-Za-z0-9_]", "_", of.label)
 
 
 def kept_scene(task: Task, said: str) -> str:
     """A scene file that was written for this run is kept where a sentence names it, which then names the
     copy: its command can be repeated.
     """
-    if task.path == task.of.path or str(task.path) not in said:
-        return said
-    copy = Path(tempfile.mkdtemp(prefix="raycheck-scene-")) / task.path.name
-    shutil.copy(task.path, copy)
-    return said.replace(str(task.path), str(copy))
+    written = [] if task.path == task.of.path else [task.path]
+    if isinstance(task.renderer, commands.Command) and task.renderer.json:
+        written.append(task.renderer.json)
+    for path in (path for path in written if str(path) in said):
+        copy = Path(tempfile.mkdtemp(prefix="raycheck-scene-")) / path.name
+        shutil.copy(path, copy)
+        said = said.replace(str(path), str(copy))
+    return said
 
 
 def _names(scenes: Sequence[Variant]) -> str:

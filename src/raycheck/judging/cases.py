@@ -1,6 +1,7 @@
 """The verdicts of a run, as they are kept in a file."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from raycheck.base.errors import NotFound
+from raycheck.base.statuses import Status
 from raycheck.stats.verdict import Outcome
 from raycheck.truth.provenance import Provenance
 
@@ -41,6 +43,9 @@ class Case:
     tile_differences: int = 0
     heavy_tailed: int = 0
     more_samples: float | None = None
+    """INCONCLUSIVE: how many times the samples would probably decide…"""
+    more_seconds: float | None = None
+    """…and the seconds that pictures of so many samples take."""
     closed_form: bool = False
     """Nine pixels in ten or more have a closed form, which outranks the Mitsuba reference."""
     unbounded: bool = False
@@ -49,12 +54,34 @@ class Case:
     """It FAILs because a picture took longer than it may."""
     looks: int = 1
     """How often it was judged, each time with fresh samples; the figures are the last one's."""
+    order: float | None = None
+    """Judged is the limit of a bias that falls with this power of a parameter, see judging.consistent."""
+    means: Sequence[float] | None = None
+    """Bias of the image by channel, relative, which another day's is compared with…"""
+    errors: Sequence[float] | None = None
+    """…and its standard error, without the reference's, which is the same."""
+    noise: float | None = None
+    """Mean variance of a pixel for one sample, over the squared mean of the image…"""
+    noise_error: float | None = None
+    """…and its relative standard error."""
+    sample_seconds: float | None = None
+    """That a sample of every pixel takes, start-up apart; None where that hides it."""
     fingerprint: str = ""
     """A digest of the reference, the settings and the renderer's first picture: a case that has it need not
     be judged again.
     """
     provenance: Provenance = field(default_factory=dict)
     """The pictures that the verdict rests on, and METHOD of renders."""
+
+    @property
+    def name(self) -> str:
+        """ "scene, technique", or the scene alone of another renderer."""
+        return self.scene if self.technique == "renderer" else f"{self.scene}, {self.technique}"
+
+    @property
+    def skipped(self) -> bool:
+        """The renderer does not support the scene."""
+        return self.verdict is Outcome.SKIP
 
 
 @dataclass(frozen=True)
@@ -66,9 +93,13 @@ class Verification:
 
     @property
     def exit_status(self) -> int:
-        """1 if any FAIL, else 3 if any INCONCLUSIVE, else 0."""
+        """1 if any FAIL, else 3 if any INCONCLUSIVE, else 0; 2 if all are SKIP."""
         outcomes = {case.verdict for case in self.cases}
-        return 1 if Outcome.FAIL in outcomes else 3 if Outcome.INCONCLUSIVE in outcomes else 0
+        if Outcome.FAIL in outcomes:
+            return Status.FAIL
+        if Outcome.INCONCLUSIVE in outcomes:
+            return Status.INCONCLUSIVE
+        return Status.COULD_NOT_RUN if outcomes == {Outcome.SKIP} else Status.DONE
 
     @classmethod
     def read(cls, path: Path) -> "Verification":

@@ -14,9 +14,10 @@ from raycheck.base.images import load_image, write_png
 from raycheck.base.seeds import make_seeds
 from raycheck.base.text import percent
 from raycheck.judging import checks, mistakes, sentences
-from raycheck.judging.agenda import renderer_agenda
+from raycheck.judging.agenda import renderer_agenda, supported
 from raycheck.judging.explanations import Explanation, explain
 from raycheck.judging.looks import Look, look
+from raycheck.renderers.manifest import manifest_for
 from raycheck.renderers.renderer import Renderer
 from raycheck.scene import lecture, variants
 from raycheck.scene.content import read_content
@@ -95,6 +96,7 @@ def guess_scene(image: Array) -> str:
 
 def of_renderer(renderer: str, scenes: list[str] | None) -> Inspection:
     wanted = [variants.variant(name) for name in scenes or mistakes.complete_scenes()]
+    wanted, _ = supported(wanted, manifest_for(renderer).needs)
     found = Inspection()
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
         for task in renderer_agenda(renderer, wanted, Path(folder), explicit=bool(scenes)).tasks:

@@ -1,7 +1,8 @@
 """Pictures that are already rendered, even a single one."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +18,15 @@ from raycheck.judging.cases import Case
 from raycheck.judging.checks import Broken, check_contract
 from raycheck.judging.conclusion import case_maker, conclude, figures, gross_mistake, template_name
 from raycheck.judging.looks import look
-from raycheck.judging.plan import cumulants, equivalent_spp, residual_skewness, tile_skewness
+from raycheck.judging.plan import (
+    Goals,
+    Pilot,
+    cumulants,
+    equivalent_spp,
+    reached,
+    residual_skewness,
+    tile_skewness,
+)
 from raycheck.judging.settings import BATCHES
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
@@ -79,8 +88,11 @@ def judge_pictures(
     alike = content.filtered and len(loaded) >= FEWEST_IMAGES
     found, regions, classes = judge_few(residuals, truth, limits, quantum, independent_pixels=not alike)
     if found.outcome is Outcome.INCONCLUSIVE:
-        return case(found.outcome, _few(found, len(loaded)), **figures(found, regions))
-    found, sentence = conclude(found, regions, shown, precision=coarse.precision, seconds=0.0)
+        needed = images_needed(residuals, truth, limits)
+        more = max(needed / len(loaded), found.more_samples) if needed else math.inf
+        found = replace(found, more_samples=more)
+        return case(found.outcome, _few(found, len(loaded), needed), **figures(found, regions))
+    found, sentence = conclude(found, regions, shown, precision=coarse.precision, takes=None)
     if classes > 1:
         sentence += (
             f" (from {len(loaded)} image{'s' if len(loaded) > 1 else ''}, noise measured between pixels)"
@@ -109,11 +121,36 @@ def judge_few(
     return judge(batches[0::2], batches[1::2], expected, limits), regions, parts.classes
 
 
-def _few(found: Judgement, count: int) -> str:
-    more = max(int(np.ceil(count * (found.more_samples - 1))), 1)
+MOST_IMAGES = 10_000
+
+
+def images_needed(residuals: Array, truth: Truth, limits: Limits) -> int | None:
+    """How many images like these (k, H, W, 3) would probably decide, k among them; None for MOST_IMAGES or
+    more. Of few images only the level of the noise is known: how it differs from place to place is taken from
+    the reference's renderer.
+    """
+    count = len(residuals)
+    own = residuals.var(axis=0, ddof=1) if count >= FEWEST_IMAGES else np.full(truth.mean.shape, np.nan)
+    level = residuals.var(axis=0, ddof=1) if count > 1 else residuals[0] ** 2
+    alike = truth.sample_variance / equivalent_spp(truth.sample_variance, level)
+    variance = own if count >= FEWEST_IMAGES else alike
+    scale = np.sqrt(equivalent_spp(truth.sample_variance, variance))
+    skewness = {size: table / scale for size, table in truth.skewness.items()}
+    pilot = Pilot(variance, skewness, 1.0)
+    needed = count + 1
+    while needed < MOST_IMAGES:
+        goals, share = Goals(fineness=0.0), needed / (2 * BATCHES)
+        if reached(pilot, truth, BATCHES, goals, limits, share, sure=False):
+            return needed
+        needed = max(needed + 1, needed * 9 // 8)
+    return None
+
+
+def _few(found: Judgement, count: int, needed: int | None) -> str:
     wide = found.undecided[0] if found.undecided else None
     width = f"a tile is only known to {signed(wide.low)} … {signed(wide.high)}; " if wide else ""
-    many = f"{more} more images" if more < 10_000 else "far more samples per pixel"
+    more = max(needed - count, math.ceil(count * (found.more_samples - 1))) if needed else MOST_IMAGES
+    many = f"about {more:,} more images" if more < MOST_IMAGES else "far more samples per pixel"
     images = f"{count} image{'s' if count > 1 else ''}"
     return f"too noisy to say from {images}: {width}{many} like these would decide"
 

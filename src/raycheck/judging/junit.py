@@ -1,4 +1,4 @@
-"""Verdicts as JUnit XML, which continuous integration shows: INCONCLUSIVE counts as skipped."""
+"""Verdicts as JUnit XML, which continuous integration shows: INCONCLUSIVE and SKIP count as skipped."""
 
 from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
@@ -21,4 +21,6 @@ def _test_case(case: Case) -> TestCase:
         test.result = [Failure(case.reason, "bias")]
     elif case.verdict is Outcome.INCONCLUSIVE:
         test.result = [Skipped(case.reason, "inconclusive")]
+    elif case.verdict is Outcome.SKIP:
+        test.result = [Skipped(case.reason, "unsupported")]
     return test

@@ -1,10 +1,11 @@
-"""A first small set of images: how noisy and how slow a renderer is, and so how many samples a verdict needs.
+"""A first small set of images: how noisy a renderer is, and so how many samples a verdict needs.
 
 Pilot images plan; they are never judged.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import special
@@ -36,20 +37,10 @@ class Pilot:
     """Skewness of its one-sample tile means, combined with the reference's: the larger of the two."""
     noise: float
     """Its variance over that of the reference's renderer at equal samples, over the whole image."""
-    start_seconds: float
-    """Seconds that a render takes with no samples at all."""
-    sample_seconds: float
-    """Seconds for each further sample per pixel."""
-
-    def seconds(self, spp: int) -> float:
-        return self.start_seconds + self.sample_seconds * spp
 
 
-def measure_pilot(images: Array, spp: int | None, truth: Truth, times: Mapping[int, float]) -> Pilot:
-    """The pilot of images (B ≥ 3, H, W, 3) at `spp` samples, and seconds by samples per pixel.
-
-    Where `spp` is not known, an image counts as one sample.
-    """
+def measure_pilot(images: Array, spp: int | None, truth: Truth) -> Pilot:
+    """The pilot of images (B ≥ 3, H, W, 3) at `spp` samples; where that is not known, one counts as one."""
     variance, third = cumulants(images)
     skewness = tile_skewness(variance, third, truth.skewness)
     if spp is not None:
@@ -57,23 +48,11 @@ def measure_pilot(images: Array, spp: int | None, truth: Truth, times: Mapping[i
             size: np.fmax(np.abs(table), np.abs(skewness[size]) * np.sqrt(spp))
             for size, table in truth.skewness.items()
         }
-    start, each = pace(times)
     return Pilot(
         sample_variance=variance * (spp or 1),
         skewness=skewness,
         noise=(spp or 1) / equivalent_spp(truth.sample_variance, variance),
-        start_seconds=start,
-        sample_seconds=each,
     )
-
-
-def pace(times: Mapping[int, float]) -> tuple[float, float]:
-    """Seconds to start and seconds for each sample, from the seconds of renders by samples per pixel."""
-    few, many = min(times), max(times)
-    each = 0.0
-    if many > few:
-        each = max((times[many] - times[few]) / (many - few), 0.02 * times[many] / many)
-    return max(times[few] - each * few, 0.0), each
 
 
 def cumulants(images: Array) -> tuple[Array, Array]:
@@ -135,8 +114,9 @@ class Plan:
 
 
 def plan(
-    pilot: Pilot, truth: Truth, batches: int, wishes: Sequence[tuple[Goals, int]], limits: Limits
-) -> Plan:
+    pilot: Pilot, truth: Truth, batches: int, wishes: Sequence[tuple[Goals, int]], limits: Limits,
+    alpha: float = ALPHA,
+) -> Plan:  # fmt: skip
     """The fewest samples (1, 2, 3, 4, 6, 8, 12, …) at which a PASS and the first reachable wish are expected.
 
     A wish is goals and the most samples that they are worth. Where those do not suffice, larger tiles are
@@ -148,33 +128,58 @@ def plan(
         affordable = [spp for spp in steps if spp <= most] or [1]
         smallest = SMALLEST
         while smallest <= goals.coarsest:
-            best = Plan(affordable[-1], smallest)
-            if _reached(pilot, truth, batches, goals, limits, best):
-                fits = (Plan(spp, smallest) for spp in affordable)
-                return next((p for p in fits if _reached(pilot, truth, batches, goals, limits, p)), best)
+            best = affordable[-1]
+            reaches = partial(reached, pilot, truth, batches, goals, limits, smallest=smallest, alpha=alpha)
+            if reaches(best):
+                return Plan(next((spp for spp in affordable if reaches(spp)), best), smallest)
             smallest *= 2
     return Plan(affordable[-1], SMALLEST)
 
 
-def _reached(pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, plan: Plan) -> bool:
-    spp, smallest = plan.spp, plan.smallest
+MOST_MORE = 1e5
+FINER = 1.15
+"""Steps of how many times the samples."""
+
+
+def more_needed(
+    pilot: Pilot, truth: Truth, batches: int, limits: Limits, spp: int, smallest: int = SMALLEST
+) -> float:
+    """How many times the `spp` samples per pixel a PASS probably needs: with more of them skewed tiles are no
+    longer merged, and each has to be known by itself.
+    """
+    more = 1.0
+    while more < MOST_MORE:
+        if reached(pilot, truth, batches, Goals(fineness=0.0), limits, more * spp, smallest, sure=False):
+            return more
+        more *= FINER
+    return more
+
+
+def reached(
+    pilot: Pilot, truth: Truth, batches: int, goals: Goals, limits: Limits, spp: float,
+    smallest: int = SMALLEST, sure: bool = True, alpha: float = ALPHA,
+) -> bool:  # fmt: skip
+    """Whether a PASS and the goals are expected of two sets of so many images of `spp` samples per pixel;
+    with bad luck too, if that is to be `sure`.
+    """
     regions = truth.regions(spp, pilot.skewness, smallest)
     height, width = truth.shape
     if len(regions) - 1 < goals.fineness * -(-height // smallest) * -(-width // smallest):
         return False
     expected = truth.expected(regions, spp)
     scale = np.where(expected.yardstick > 0, expected.yardstick, np.inf)
-    own = 1.2 * region_variances(pilot.sample_variance, regions) / (spp * batches)
+    spare, luck = (1.2, 2.5) if sure else (1.0, 1.5)
+    own = spare * region_variances(pilot.sample_variance, regions) / (spp * batches)
     one_set = np.sqrt(own + expected.variance) / scale
     both_sets = np.sqrt(own / 2 + expected.variance) / scale
     freedom = st.FREEDOM_SHARE * (batches - 1)
 
     tail = (1 - CONFIDENCE) / 2 / one_set.size
-    needed = (-special.stdtrit(2 * freedom, tail) + 2.5) * both_sets
+    needed = (-special.stdtrit(2 * freedom, tail) + luck) * both_sets
     if needed[0].max() > limits.image or needed[1:].max(initial=0.0) > limits.tile:
         return False
-    level_image = SHARE_IMAGE * ALPHA / 3
-    level_tile = SHARE_TILES * ALPHA / max(one_set[1:].size, 1)
+    level_image = SHARE_IMAGE * alpha / 3
+    level_tile = SHARE_TILES * alpha / max(one_set[1:].size, 1)
     image = SYSTEMATIC + st.detection_factor(freedom, level_image) * one_set[0].max()
     tiles = SYSTEMATIC + st.detection_factor(freedom, level_tile) * one_set[1:].max(axis=1)
     if goals.image is not None and image > goals.image:

@@ -2,13 +2,14 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from raycheck.base.text import duration, percent, signed
+from raycheck.base.text import duration, percent, signed, times
 from raycheck.judging import mistakes
 from raycheck.judging.conventions import Convention
 from raycheck.judging.explanations import NOTHING, Explanation, Factor
 from raycheck.judging.parts import Hypothesis
+from raycheck.stats.evidence import REFERENCE_ERRORS
 from raycheck.stats.tiles import Tile, place
 from raycheck.stats.verdict import Finding, Judgement, Outcome
 
@@ -16,10 +17,12 @@ CHANNELS = ("red", "green", "blue")
 
 
 def reason(
-    found: Judgement, regions: list[Tile], seconds: float, explained: Explanation = NOTHING,
-    lights: int = 1,
+    found: Judgement, regions: list[Tile], takes: Callable[[float], float] | None,
+    explained: Explanation = NOTHING, lights: int = 1,
 ) -> str:  # fmt: skip
-    """The sentence of a verdict. `explained` is what may be said to account for all of a bias."""
+    """The sentence of a verdict. `takes` are the seconds of so many times the samples; `explained` is what
+    may be said to account for all of a bias.
+    """
     height, width = regions[0].height, regions[0].width
     if found.outcome is Outcome.PASS:
         return (
@@ -30,7 +33,7 @@ def reason(
         chance = min([f.p for f in found.findings] + [found.p_omnibus])
         where = explanation(explained, lights) or _failure(found, regions, height, width)
         return f"{where} ({odds(chance)}){suspicion(explained)}"
-    return _undecided(found, regions, height, width, seconds)
+    return _undecided(found, regions, height, width, takes)
 
 
 def amount(bias: float, low: float, high: float) -> str:
@@ -186,9 +189,14 @@ def odds(p: float, who: str = "correct renderers") -> str:
     return f"by chance {who} look like this less than once in 10^{exponent} times"
 
 
-def _undecided(found: Judgement, regions: list[Tile], height: int, width: int, seconds: float) -> str:
-    time = f" ({duration(seconds * found.more_samples)})" if seconds > 0 else ""
-    need = f"about {found.more_samples:.2g} times the samples{time} would decide"
+def _undecided(
+    found: Judgement, regions: list[Tile], height: int, width: int, takes: Callable[[float], float] | None
+) -> str:
+    if math.isinf(found.more_samples):
+        need = "no more samples would decide, but a reference with less noise"
+    else:
+        time = f" ({duration(takes(found.more_samples))})" if takes else ""
+        need = f"about {times(found.more_samples)} times the samples{time} would decide"
     if found.undecided:
         first = found.undecided[0]
         where = (
@@ -204,7 +212,17 @@ def _undecided(found: Judgement, regions: list[Tile], height: int, width: int, s
     )
 
 
-def left_out(cases: Mapping[str, str]) -> list[str]:
+def may_be_the_reference(found: Judgement) -> str:
+    """The end of a sentence where a bias is no noise, but not beyond the reference's own error."""
+    if found.within_reference is None:
+        return ""
+    size = percent(found.within_reference)
+    return (
+        f"; a bias of {size} is no noise, but within {REFERENCE_ERRORS:.0f} standard errors of the reference"
+    )
+
+
+def left_out(cases: Mapping[str, str], how: str = "Left out") -> list[str]:
     """A sentence for each reason why cases ("scene, technique" or "scene") are not judged; places in images
     do not count as reasons of their own.
     """
@@ -219,5 +237,5 @@ def left_out(cases: Mapping[str, str]) -> list[str]:
         for technique, scenes in by_technique.items():
             together.setdefault(", ".join(scenes), []).append(technique)
         parts = [f"{', '.join(t)} on {scenes}" if any(t) else scenes for scenes, t in together.items()]
-        lines.append(f"Left out: {'; '.join(parts)}: {why}.")
+        lines.append(f"{how}: {'; '.join(parts)}: {why}.")
     return lines

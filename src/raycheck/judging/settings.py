@@ -1,21 +1,24 @@
 """How much is rendered for a verdict: numbers of images and samples, and budgets."""
 
-from collections.abc import Collection, Mapping
+import math
+import time
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from raycheck.base.seeds import make_seeds
 from raycheck.judging.cases import Case
 from raycheck.judging.plan import Goals
-from raycheck.stats.verdict import Limits
+from raycheck.stats.verdict import ALPHA, Limits
 from raycheck.truth.expected import Truth
 
 BATCHES = 32
 """Images of each of the two judged sets."""
 PILOT_IMAGES = 8
 PILOT_SPP = 16
-TIMING_STEP, TIMING_SEEDS = 8, 4
-"""A plan for more than 8 times the samples that were timed is timed again nearer to it, so often at most: a
-short render's time says little of a long one's.
+PICTURES = 2 * BATCHES
+TIMING_STEP, TIMING_SEEDS = 8, 5
+"""A plan for more than 8 times the samples that were timed is timed again nearer to it: a short render's
+time says little of a long one's. So many seeds are for times: the last for the probe's.
 """
 QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""
@@ -39,7 +42,21 @@ class Settings:
     jobs: int = 2
     timeout: float = 60.0
     case_seconds: float = QUICK_CASE_SECONDS
+    """What a quick case may take, after its survey."""
+    ends: float = math.inf
+    """When by the clock the last picture must be there."""
+    budget: float = math.inf
+    """The seconds of the run, to be named where they were over."""
+    times: bool = True
+    """Whether pictures may be rendered for their time alone, where `spp` says how many samples there are."""
+    clock: Callable[[], float] = time.perf_counter
     limits: Limits = Limits()
+    detect: float | None = None
+    """Relative bias of the image to be noticed, however long it takes."""
+    alpha: float = ALPHA
+    """Chance of a wrong FAIL of each case, however often it is looked at."""
+    repeated: bool = False
+    """Looked at until it is decided, see judging.repeated."""
     earlier: Mapping[str, Case] = field(default_factory=dict)
     """Verdicts that stand, by fingerprint."""
 
@@ -47,6 +64,8 @@ class Settings:
         """Detectable biases to reach and the seconds that they are worth, the best first; of samples without
         bound only what a PASS needs.
         """
+        if self.detect is not None:
+            return [(Goals(self.detect), math.inf)]
         most = THOROUGH_SECONDS if self.thorough else self.case_seconds
         if unbounded:
             return [(Goals(coarsest=max(truth.shape)), most)]

@@ -32,6 +32,7 @@ from raycheck.scene import document, variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import BEST, TECHNIQUES, left_out, technique
 from raycheck.scene.variants import Variant
+from raycheck.stats.verdict import Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
 
@@ -303,4 +304,4 @@ def _about(scene: Path) -> str:
 
 
 def _summary(cases: list[Mapping[str, Any]]) -> dict[str, int]:
-    return {name: sum(c["verdict"] == name for c in cases) for name in ("PASS", "FAIL", "INCONCLUSIVE")}
+    return {name: sum(c["verdict"] == name for c in cases) for name in Outcome}

@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from raycheck.base.errors import RenderError
+from raycheck.base.errors import CannotRender, RenderError
 from raycheck.base.images import Image
+from raycheck.base.text import UNSUPPORTED
 from raycheck.renderers.renderer import Rendering, repeat
 
 
 @dataclass(frozen=True)
 class Function:
     """A Python callable: render(scene, spp, seed) gives (H, W, 3). That is copied, so that it may give the
-    same array each time.
+    same array each time. NotImplementedError: it does not support the scene.
     """
 
     function: Callable[[Path, int, int], ArrayLike]
@@ -28,6 +29,8 @@ class Function:
         started = time.perf_counter()
         try:
             pixels = np.array(self.function(scene, spp, seed), dtype=np.float64)
+        except NotImplementedError as error:
+            raise CannotRender(f"{UNSUPPORTED} {error}") from error
         except Exception as error:
             again = f"render(Path({str(scene)!r}), {spp}, {seed})"
             raise RenderError(f"{type(error).__name__}: {error}{repeat(spp, seed, again)}") from error

@@ -15,7 +15,7 @@ from raycheck.base.errors import CannotRender, ImageError, NotFound, RenderError
 from raycheck.base.images import load_image
 from raycheck.base.processes import end, signal_name, windows_lines
 from raycheck.base.statuses import Status
-from raycheck.base.text import last_words, nearest
+from raycheck.base.text import last_words, nearest, refusal
 from raycheck.renderers.renderer import Rendering, repeat
 
 
@@ -66,24 +66,28 @@ class TakesPlaceholders:
         return self.takes("{seed}")
 
 
-PLACEHOLDERS = ("output", "scene", "spp", "seed")
+PLACEHOLDERS = ("output", "scene", "json", "name", "spp", "seed")
 
 
 @dataclass(frozen=True)
 class Command(TakesPlaceholders):
-    """A program that writes {output}, and where it can takes {scene}, {spp} and {seed}.
+    """A program that writes {output}, and where it can takes {scene} or {json}, {spp} and {seed}.
 
     Placeholders are replaced after splitting, so that paths with spaces stay one argument.
     """
 
     words: tuple[str, ...]
+    folder: Path | None = None
+    """Where it runs; here by default."""
+    json: Path | None = None
+    """The scene as JSON, for the one scene that it renders."""
 
     @classmethod
-    def parse(cls, command: str) -> "Command":
+    def parse(cls, command: str, folder: Path | None = None) -> "Command":
         words = tuple(split_command(command))
         if not words:
             raise NotFound("the renderer command is empty")
-        found = cls(words)
+        found = cls(words, folder)
         refuse_unknown(words, PLACEHOLDERS, "the renderer command")
         if not found.takes("{output}"):
             raise NotFound("the renderer command has no {output}: say where it writes its image")
@@ -91,11 +95,14 @@ class Command(TakesPlaceholders):
 
     @property
     def takes_scene(self) -> bool:
-        return self.takes("{scene}")
+        return self.takes("{scene}", "{json}", "{name}")
 
     def arguments(self, scene: Path, output: Path, spp: int, seed: int) -> list[str]:
         """The words of one run."""
-        values = {"{output}": str(output), "{scene}": str(scene), "{spp}": str(spp), "{seed}": str(seed)}
+        values = {
+            "{output}": str(output), "{scene}": str(scene), "{json}": str(self.json or ""),
+            "{name}": scene.stem, "{spp}": str(spp), "{seed}": str(seed),
+        }  # fmt: skip
         return self.filled(values)
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
@@ -104,13 +111,14 @@ class Command(TakesPlaceholders):
             words = self.arguments(scene, output, spp, seed)
             started = time.perf_counter()
             try:
-                _run(words, Path(folder) / "messages.txt", timeout)
+                _run(words, Path(folder) / "messages.txt", timeout, self.folder)
                 seconds = time.perf_counter() - started
                 return Rendering(load_image(_written(Path(folder), output)), seconds)
             except (RenderTimeout, CannotRender):
                 raise
             except (ImageError, RenderError) as error:
                 again = shlex.join(self.arguments(scene, Path(output.name), spp, seed))
+                again = f"cd {shlex.quote(str(self.folder))} && {again}" if self.folder else again
                 kind = RenderError if isinstance(error, ImageError) else type(error)
                 said = str(error).replace(folder + os.sep, "")
                 raise kind(said + repeat(spp, seed, again)) from None
@@ -127,12 +135,12 @@ def _written(folder: Path, output: Path) -> Path:
     raise RenderError("exit status 0, but {output} was not written" + _last_lines(messages))
 
 
-def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
+def _run(words: Sequence[str], messages: Path, timeout: float, folder: Path | None = None) -> None:
     with messages.open("wb") as file:
         try:
             process = subprocess.Popen(
-                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=file,
-                start_new_session=os.name == "posix",
+                words, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
+                start_new_session=os.name == "posix", cwd=folder,
             )  # fmt: skip
         except OSError as error:
             why = f"{error.strerror or error}{windows_lines(words)}"
@@ -156,16 +164,23 @@ def _run(words: Sequence[str], messages: Path, timeout: float) -> None:
             timer.cancel()
     if late.is_set():
         raise RenderTimeout(f"no image after {timeout:.0f} s{_last_lines(messages)}")
-    if status == Status.CANNOT:
-        raise CannotRender(f"the renderer says that it cannot{_last_lines(messages)}")
+    with messages.open(encoding="utf-8", errors="replace") as lines:
+        refused = refusal(lines)
+    if refused or status == Status.CANNOT:
+        raise CannotRender(refused or unexplained(_last_lines(messages)))
     if status < 0:
         raise RenderError(f"ended by signal {signal_name(-status)}{_last_lines(messages)}")
     if status:
         raise RenderError(f"exit status {status}{_last_lines(messages)}{windows_lines(words)}")
 
 
+def unexplained(said: str) -> str:
+    """What is said of a renderer that refuses a scene by its exit status alone."""
+    return f"the renderer does not support the scene (exit status {Status.CANNOT:d}){said}"
+
+
 def _last_lines(messages: Path) -> str:
-    """The last lines on standard error, as the end of a sentence."""
+    """The last lines that it said, as the end of a sentence."""
     with messages.open("rb") as file:
         file.seek(max(0, messages.stat().st_size - 4000))
         return last_words(file.read().decode(errors="replace"))

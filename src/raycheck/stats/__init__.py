@@ -10,6 +10,8 @@ tiles        regions of an image: the whole, a grid of squares, a quad-tree that
 statistics   moments of two sets, Johnson's t, Holm, the omnibus test of all tiles, detectable bias
 verdict      the three outcomes from two disjoint sets of images; what differs, and how many samples would
              decide
+evidence     what many looks say together: e-values that multiply, at a level that holds for ever
+consistency  the limit of a bias that falls like a power of a parameter
 convergence  error against samples: fits with their errors by jackknife, bends, efficiency
 spread       a figure over a few rounds
 """

@@ -11,6 +11,7 @@ D. J. Schuirmann (J. Pharmacokinet. Biopharm. 15, 1987) for equivalence by two o
 Distributions are those of scipy.special: scipy.stats, which calls them, takes a second to import.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,6 +86,32 @@ def moments(
     return Moments(
         count=count, bias=bias, spread=spread, skewness=third / safe**3, own_skewness=third / own_safe**3,
         freedom=np.where(spread > 0, freedom, batch_freedom), shared=reference_part / safe**2,
+    )  # fmt: skip
+
+
+def pooled(
+    found: Sequence[Moments], sizes: Array, reference_variance: Array, reference_batches: int
+) -> Moments:
+    """The moments of sets of different sizes together, weighted by size, as if of one set of all their
+    batches. Those of the sets are without the reference's error, which is added here, once for all.
+    """
+    weights = sizes / sizes.sum()
+    count = sum(one.count for one in found)
+    parts = [w**2 * one.spread**2 / one.count for w, one in zip(weights, found, strict=True)]
+    own = np.sum(parts, axis=0)
+    third = np.sum([
+        w**3 * one.skewness * one.spread**3 / one.count**2 for w, one in zip(weights, found, strict=True)
+    ], axis=0)  # fmt: skip
+    variance = own + reference_variance
+    safe, own_safe = np.where(variance > 0, variance, 1.0), np.where(own > 0, own, 1.0)
+    spent = np.sum([part**2 / one.freedom for part, one in zip(parts, found, strict=True)], axis=0)
+    spent = spent + np.square(reference_variance) / max(reference_batches - 1, 1)
+    freedom = variance**2 / np.where(spent > 0, spent, 1.0)
+    bias = np.sum([w * one.bias for w, one in zip(weights, found, strict=True)], axis=0)
+    return Moments(
+        count=count, bias=bias, spread=np.sqrt(variance * count), skewness=third * np.sqrt(count) / safe**1.5,
+        own_skewness=third * np.sqrt(count) / own_safe**1.5,
+        freedom=np.where(spent > 0, freedom, count - 1.0), shared=reference_variance / safe,
     )  # fmt: skip
 
 

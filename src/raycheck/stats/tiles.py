@@ -91,6 +91,23 @@ def tile_means(images: Array, side: int) -> Array:
     return sums / pixels[..., None]
 
 
+def in_squares(tile: Tile) -> Tile:
+    """The squares of `grid` that a tile consists of, counted in squares."""
+    row, column = tile.row // SMALLEST, tile.column // SMALLEST
+    bottom, right = -(-(tile.row + tile.height) // SMALLEST), -(-(tile.column + tile.width) // SMALLEST)
+    return Tile(row, column, bottom - row, right - column)
+
+
+def means_of_sums(sums: Array, regions: list[Tile]) -> Array:
+    """`region_means` of images of which only the sums (…, rows, cols, 3) over the smallest squares are known,
+    of which the regions consist.
+    """
+    squares = [in_squares(region) for region in regions]
+    share = np.array([[one.pixels / region.pixels] for one, region in zip(squares, regions, strict=True)])
+    means: Array = region_means(sums, squares) * share
+    return means
+
+
 def region_means(images: NDArray[np.floating], regions: list[Tile]) -> Array:
     """Means of images (…, H, W, 3) over each region: (…, len(regions), 3), summed in double.
 

@@ -4,22 +4,30 @@ Region 0 is always the whole image, the others are its tiles. Residuals are (B, 
 units of the image; everything that a verdict reports is relative to the reference.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 
 from raycheck.base.arrays import Array, Flags
+from raycheck.stats import evidence as ev
 from raycheck.stats import statistics as st
+from raycheck.stats.evidence import Evidence
+from raycheck.stats.tiles import Tile
 
 ALPHA = 1e-5
 """Chance of a wrong FAIL of one case (a scene and a technique)."""
+LEAST_ALPHA = 1e-7
+"""Less would rest on p-values of a set below 1e-5, of which null runs have seen too few."""
 SHARE_IMAGE, SHARE_TILES, SHARE_OMNIBUS = 0.4, 0.4, 0.2
 """How the three tests share it."""
 SYSTEMATIC = 5e-4
 """Relative bias that conventions and float32 films may cause, and that never FAILs."""
 CONFIDENCE = 0.99
 """Simultaneous confidence of all intervals that a PASS rests on."""
+HIDDEN_ERRORS = 5.0
+"""Standard errors of the samples beyond which a bias is no noise."""
 HEAVY_ERRORS = 3.0
 """A batch is heavier-tailed than the tiles allow beyond this many standard errors of a skewness."""
 
@@ -28,6 +36,8 @@ class Outcome(StrEnum):
     PASS = "PASS"
     FAIL = "FAIL"
     INCONCLUSIVE = "INCONCLUSIVE"
+    SKIP = "SKIP"
+    """The renderer says that it does not support the scene: nothing was judged."""
 
 
 @dataclass(frozen=True)
@@ -112,16 +122,19 @@ class Judgement:
     """Regions whose batches are too skewed to be used."""
     tile_differences: int = 0
     """Tiles that differ by themselves."""
+    within_reference: float | None = None
+    """The largest relative bias, if any, that is no noise but may be the reference's own error."""
 
 
 def judge(
-    first: Array, second: Array, expected: Expected, limits: Limits = Limits(), alpha: float = ALPHA
-) -> Judgement:
+    first: Array, second: Array, expected: Expected, limits: Limits = Limits(), alpha: float = ALPHA,
+    confidence: float = CONFIDENCE,
+) -> Judgement:  # fmt: skip
     """Judge residuals of two disjoint sets, each (B, R, 3), against `expected`.
 
     FAIL is decided first: |bias| beyond the allowance in *both* sets, at `alpha` over the image mean per
-    channel, the tiles (Holm) and the omnibus. PASS: simultaneous 99 % intervals of both sets together lie
-    within `limits`.
+    channel, the tiles (Holm) and the omnibus. PASS: simultaneous intervals of this confidence, of both sets
+    together, lie within `limits`.
     """
     noise = (expected.variance, expected.batches, expected.batch_variance)
     one, two = st.moments(first, *noise), st.moments(second, *noise)
@@ -140,7 +153,7 @@ def judge(
     )
 
     scale = np.where(expected.yardstick > 0, expected.yardstick, np.abs(expected.mean[0]).max() or 1.0)
-    low, high = st.interval(both, (1 - CONFIDENCE) / 2 / both.bias.size)
+    low, high = st.interval(both, (1 - confidence) / 2 / both.bias.size)
     inside = _inside(low, high, both, expected, limits, scale)
     adjusted = np.concatenate([p_image[None], p_tile])
     level = np.full(p.shape, SHARE_TILES * alpha / max(p_tile.size, 1))
@@ -168,6 +181,118 @@ def judge(
         more_samples=_more_samples(one, both, low, high, inside, too_heavy, expected, limits, scale, level),
         heavy_tailed=heavy_regions, tile_differences=len({f.region for f in findings if f.region > 0}),
     )  # fmt: skip
+
+
+def spent(look: int) -> float:
+    """The share of a chance of error that look 1, 2, … may spend, of as many as there may be: Σ = 1."""
+    return 1 / (look * (look + 1))
+
+
+def null_bias(expected: Expected) -> Array:
+    """(R, 3) the bias that later looks may find in what is right: the allowance and the reference's error."""
+    return np.asarray(expected.allowance + ev.REFERENCE_ERRORS * np.sqrt(expected.variance))
+
+
+def own_moments(residuals: Array, expected: Expected) -> st.Moments:
+    """The moments of a set (B, R, 3) without the reference's error, which all sets share."""
+    return st.moments(residuals, np.zeros_like(expected.mean), assumed_variance=expected.batch_variance)
+
+
+def gain(found: st.Moments, expected: Expected) -> Array:
+    """(2, R, 3) what a fresh set with these `own_moments` adds to the evidence."""
+    return ev.gain(found, null_bias(expected), _heavy(found))
+
+
+def judge_looks(
+    sets: Sequence[st.Moments], sizes: Array, seen: Evidence, regions: Sequence[Tile], expected: Expected,
+    limits: Limits = Limits(), alpha: float = ALPHA,
+) -> Judgement:  # fmt: skip
+    """Judge two or more looks, of two sets each, by their `own_moments` over these regions, their samples
+    `sizes` (in those of the first set) and the evidence `seen` in them.
+
+    `alpha` is the level of all looks, half of which the first has spent by `judge`: FAIL is evidence of
+    2/alpha. PASS is as there, by all sets together; of its chance of error each look spends a share.
+    """
+    both = st.pooled(sets, sizes, expected.variance, expected.batches)
+    looks = len(sets) // 2
+    allowance = np.where(both.exact, expected.exact_allowance, null_bias(expected))
+    scale = np.where(expected.yardstick > 0, expected.yardstick, np.abs(expected.mean[0]).max() or 1.0)
+    shares, level = seen.shares(regions), alpha / 2
+    fails = seen.log_value >= -np.log(level) or bool(np.any(both.exact & (np.abs(both.bias) > allowance)))
+
+    tail = (1 - CONFIDENCE) * spent(looks) / 2 / both.bias.size
+    low, high = st.interval(both, tail)
+    inside = _inside(low, high, both, expected, limits, scale)
+    heavy_regions = int(_heavy(both).any(axis=1).sum())
+    passes = inside.all() and heavy_regions <= 2 + 0.02 * len(regions)
+    adjusted = np.minimum(np.exp(-shares), 1.0)
+    order = np.argsort(np.where(adjusted <= level, -shares, np.inf), axis=None, kind="stable")
+    different = [int(i) for i in order[: int((adjusted <= level).sum())]]
+    findings = [_finding(i, both, low, high, scale, adjusted) for i in different]
+
+    own_error = both.standard_error * np.sqrt(1 - both.shared)
+    detectable = detectable_by_looks(sets, sizes, seen, regions, expected, alpha)
+    worst_of_tile = (detectable / scale)[1:].max(axis=1) if len(regions) > 1 else detectable[0] / scale[0]
+    beyond = np.abs(both.bias) - expected.allowance
+    hidden = (beyond > HIDDEN_ERRORS * own_error) & (adjusted > level) & (expected.variance > 0)
+    t = np.abs(both.bias[0]) / np.where(
+        both.exact[0], np.maximum(allowance[0], 1e-300), both.standard_error[0]
+    )
+    channel = int(np.argmax(t))
+    return Judgement(
+        outcome=Outcome.FAIL if fails else Outcome.PASS if passes else Outcome.INCONCLUSIVE, channel=channel,
+        bias=float(both.bias[0, channel] / scale[0, channel]),
+        bias_low=float(low[0, channel] / scale[0, channel]),
+        bias_high=float(high[0, channel] / scale[0, channel]),
+        mde_image=float((detectable / scale)[0].max()),
+        mde_tile_p90=float(np.quantile(worst_of_tile, 0.9, method="higher")),
+        mde_tile_max=float(worst_of_tile.max()), p_image=float(adjusted[0].min()),
+        p_tile=float(adjusted[1:].min(initial=1.0)), p_omnibus=float(min(np.exp(-seen.log_value), 1.0)),
+        findings=sorted(findings, key=lambda f: f.region != 0),
+        undecided=_too_wide(both, low, high, scale, adjusted, inside),
+        more_samples=_more_looks(both, own_error, low, high, inside, expected, limits, scale, detectable),
+        heavy_tailed=heavy_regions, tile_differences=len({f.region for f in findings if f.region > 0}),
+        within_reference=float((np.abs(both.bias) / scale)[hidden].max()) if hidden.any() else None,
+    )  # fmt: skip
+
+
+def detectable_by_looks(
+    sets: Sequence[st.Moments], sizes: Array, seen: Evidence, regions: Sequence[Tile], expected: Expected,
+    alpha: float = ALPHA,
+) -> Array:  # fmt: skip
+    """(R, 3) the bias, in the units of the image, that FAILs with 90 % power by these looks, or by earlier
+    ones.
+    """
+    weights = sizes / sizes.sum()
+    own = np.sum([w**2 * one.standard_error**2 for w, one in zip(weights, sets, strict=True)], axis=0)
+    first = np.full(len(regions), SHARE_TILES * alpha / 2 / max(3 * (len(regions) - 1), 1))
+    first[0] = SHARE_IMAGE * alpha / 2 / 3
+    thresholds, freedom = seen.thresholds(regions, alpha / 2), round(float(np.min(sets[0].freedom)), 1)
+    looks = tuple(float(size) for size in sizes)
+    factors = np.array([
+        ev.detection_factor(looks, freedom, float(threshold), float(level))
+        for threshold, level in zip(thresholds, first, strict=True)
+    ])  # fmt: skip
+    return np.asarray(null_bias(expected) + factors[:, None] * np.sqrt(own * sizes.sum()))
+
+
+def _more_looks(
+    both: st.Moments, own_error: Array, low: Array, high: Array, inside: Flags, expected: Expected,
+    limits: Limits, scale: Array, detectable: Array,
+) -> float:  # fmt: skip
+    """How many times all samples so far would probably decide: as `_more_samples`, but the reference's error
+    stays; ∞ where it alone is too much.
+    """
+    limit = _limit(expected, limits, scale)
+    error = np.where(both.exact, 1.0, both.standard_error)
+    most = (limit / ((high - low) / 2 / error + 2.5)) ** 2 - expected.variance
+    pass_factor = np.where(most > 0, own_error**2 / np.where(most > 0, most, 1.0), np.inf)
+    beyond = np.abs(both.bias) - null_bias(expected)
+    needed = detectable - null_bias(expected)
+    fail_factor = (needed / np.where(beyond > 0, beyond, np.inf)) ** 2
+    biased = (np.abs(both.bias) > 3.5 * both.standard_error) & (beyond > 0)
+    factor = np.where(inside | both.exact, 1.0, np.where(biased, fail_factor, pass_factor))
+    return max(float(factor.max()), 1.2)
 
 
 def _different(

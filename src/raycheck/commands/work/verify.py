@@ -3,27 +3,66 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from rich.cells import cell_len
 from rich.markup import escape
+from rich.text import Text
 
 from raycheck.base.files import write_whole
 from raycheck.base.text import duration, one_line, percent, signed
-from raycheck.commands.support import COLOURS, Columns, Output
-from raycheck.judging import sentences
+from raycheck.commands.support import COLOURS, Columns, Output, put
+from raycheck.judging import baseline, sentences
 from raycheck.judging.cases import Case, Verification
-from raycheck.stats.verdict import Outcome
+from raycheck.judging.judge_renderer import Planned
+from raycheck.judging.timetable import Timetable
+from raycheck.stats.verdict import ALPHA, Outcome
+
+WIDTHS = {"verdict": 12, "bias": 8, "interval (99 %)": 19, "spp": 4, "seconds": 7}
+"""Of most figures, in characters."""
+
+
+class Rows:
+    """The table of verdicts, a row as each is decided."""
+
+    def __init__(self) -> None:
+        self.widths = dict(WIDTHS)
+        self.row: Callable[..., None] | None = None
+
+    def plan(self, plan: Timetable) -> None:
+        """Say which cases will be judged, where these are not all, or how long they take."""
+        for column, names in zip(("scene", "technique"), zip(*plan.cases, strict=True), strict=True):
+            self.widths[column] = max(map(cell_len, names))
+        if str(plan):
+            put(Output(), Text(f"{plan}\n"))
+
+    def samples(self, planned: Sequence[Planned], bias: float) -> None:
+        """Say how many samples each case takes so that such a bias is noticed, and how long that is."""
+        open_ones = [one for one in planned if not one.found.case]
+        told = f"So that a bias of {percent(bias)} of the image is noticed with 90 % probability:"
+        put(Output(), Text(told))
+        table = Columns(("scene", "technique", "spp", "time"), right=("spp", "time"))
+        row = table.begin(Output(), self.widths | {"spp": 5, "time": 11})
+        for one in open_ones:
+            row(escape(one.task.label), one.task.technique, str(one.spp), duration(one.seconds))
+        put(Output(), Text(f"About {duration(sum(one.seconds for one in open_ones))} in all.\n"))
+
+    def add(self, case: Case) -> None:
+        """The row of a case, under the names of the columns if it is the first."""
+        if self.row is None:
+            figures = ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds")
+            table = Columns(("scene", "technique", "verdict", *figures), right=figures)
+            own = {"scene": cell_len(case.scene), "technique": cell_len(case.technique)}
+            self.row = table.begin(Output(), own | self.widths)
+        verdict = f"[{COLOURS[case.verdict]}]{case.verdict}[/]"
+        self.row(escape(case.scene), case.technique, verdict, *_row(case))
 
 
 def show(result: Verification) -> None:
-    """The table of verdicts, and a sentence for each that is not PASS."""
+    """A sentence for each verdict that is not PASS, and what they are together."""
     console = Output()
-    figures = ("bias", "interval (99 %)", "detectable: image", "90 % of tiles", "spp", "seconds")
-    table = Columns(("scene", "technique", "verdict", *figures), right=figures)
+    skipped = {case.name: case.reason for case in result.cases if case.skipped}
     for case in result.cases:
-        verdict = f"[{COLOURS[case.verdict]}]{case.verdict}[/]"
-        table.add_row(escape(case.scene), case.technique, verdict, *_row(case))
-    table.show(console)
-    for case in result.cases:
-        if case.verdict is not Outcome.PASS:
+        quiet = case.verdict is Outcome.PASS and case.order is None
+        if not quiet and not case.skipped:
             console.print()
             console.print(
                 f"{escape(case.scene)}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
@@ -35,16 +74,38 @@ def show(result: Verification) -> None:
                 soft_wrap=True,
             )
     totals = result.header.get("totals", {})
-    counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in Outcome)
+    told = [o for o in Outcome if o is not Outcome.SKIP or totals.get(o.value)]
+    counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in told)
     seen = [case.mde_image for case in result.cases if case.mde_image is not None]
     sentence = f"{counts} in {duration(float(totals.get('seconds', 0.0)))}"
     if seen:
         sentence += f"; a bias of {percent(max(seen))} of the image mean would have been noticed everywhere"
     console.print()
     console.print(sentence + ".", highlight=False)
-    console.print(_judged_against(result.cases), highlight=False, markup=False, soft_wrap=True)
-    for line in sentences.left_out(result.header.get("left_out", {})):
+    judged = [case for case in result.cases if not case.skipped]
+    if judged:
+        for line in (_judged_against(judged), _chance(result, judged)):
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+    left_out = sentences.left_out(result.header.get("left_out", {}))
+    for line in (*sentences.left_out(skipped, "SKIP"), *left_out):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def show_changes(before: Verification, now: Verification) -> None:
+    """What changed since the baseline."""
+    console = Output()
+    console.print()
+    for line in baseline.lines(before, now):
+        console.print(one_line(line), highlight=False, markup=False, soft_wrap=True)
+
+
+def _chance(result: Verification, judged: Sequence[Case]) -> str:
+    """Says how often a run like this of a renderer that is right has a FAIL, at most."""
+    alpha, cases = float(result.header.get("alpha", ALPHA)), len(judged)
+    again = sum(case.looks > 1 for case in judged) if result.header.get("mode") == "thorough" else 0
+    each = f"{cases} case{'s' if cases != 1 else ''} × {alpha:.2g}"
+    each += f", {again} looked at twice" if again else ""
+    return f"Chance of a wrong FAIL in such a run: at most {(cases + again) * alpha:.2g} ({each})."
 
 
 def _judged_against(cases: list[Case]) -> str:
@@ -67,13 +128,16 @@ def _row(case: Case) -> list[str]:
 
 
 def saving(
-    path: Path | None, kept: Sequence[Case], on_case: Callable[[Case, int], None] | None
+    path: Path | None, kept: Sequence[Case], rows: Rows, on_case: Callable[[Case, int], None] | None
 ) -> Callable[[Case, int], None]:
-    """Writes each verdict as it comes, beside those kept: a long run can be interrupted and resumed."""
+    """Writes each verdict as it comes, to the terminal and beside those kept: a long run can be interrupted
+    and resumed.
+    """
     done: dict[tuple[str, str], Case] = {(case.scene, case.technique): case for case in kept}
 
     def save(case: Case, total: int) -> None:
         done[case.scene, case.technique] = case
+        rows.add(case)
         if path:
             write_whole(path, Verification(list(done.values())).to_json())
         if on_case:

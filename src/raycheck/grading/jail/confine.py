@@ -304,7 +304,7 @@ def _become_or_say(rules: Rules, words: list[str], info: int) -> None:
 
 
 def serve(channel: socket.socket) -> None:
-    """A jail for each message of rules and words, with the descriptors of its standard error, of what tells
+    """A jail for each message of rules and words, with the descriptors of what it says, of what tells
     that it stands, and of its exit status; answers with the supervisor's process id.
     """
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for supervisors
@@ -321,12 +321,13 @@ def serve(channel: socket.socket) -> None:
         channel.send(str(supervisor).encode())
 
 
-def _supervise_and_report(message: bytes, errors: int, info: int, status: int) -> None:
+def _supervise_and_report(message: bytes, said: int, info: int, status: int) -> None:
     try:
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         os.setsid()
-        os.dup2(errors, 2)
-        for descriptor in (errors, info, status):
+        for standard in (1, 2):
+            os.dup2(said, standard)
+        for descriptor in (said, info, status):
             os.set_inheritable(descriptor, False)
         asked = json.loads(message)
         os.write(status, str(supervise(Rules(**asked["rules"]), asked["words"], info)).encode())

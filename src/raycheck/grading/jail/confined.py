@@ -24,9 +24,10 @@ class Confined:
     lock: ClassVar[threading.Lock] = threading.Lock()
 
     def __init__(self, rules: confine.Rules, words: Sequence[str], info: int) -> None:
-        errors, theirs = os.pipe()
+        ours, theirs = os.pipe()
         self.status, status = os.pipe()
-        self.stderr = os.fdopen(errors, "rb")
+        self.stdout = os.fdopen(ours, "rb")
+        """What it says, on standard error too."""
         self.returncode: int | None = None
         try:
             with self.lock:

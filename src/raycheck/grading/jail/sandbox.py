@@ -80,9 +80,13 @@ class Jail:
         """Seconds of the whole grading."""
         return self.ends - time.perf_counter()
 
-    def within(self, seconds: float) -> "Jail":
-        """The same jail with no more time for a task than that."""
-        shorter = replace(self.limits, task_seconds=min(self.limits.task_seconds, seconds))
+    def within(self, seconds: float, picture_seconds: float | None = None) -> "Jail":
+        """The same jail with no more time than that for a task, and for a picture."""
+        limits = self.limits
+        shorter = replace(
+            limits, task_seconds=min(limits.task_seconds, seconds),
+            picture_seconds=min(limits.picture_seconds, picture_seconds or math.inf),
+        )  # fmt: skip
         return replace(self, limits=shorter)
 
     def describe(self) -> str:
@@ -259,7 +263,7 @@ def _popen(
     try:
         return subprocess.Popen(
             [numbers.get(word, word) for word in words], cwd=cwd, start_new_session=True,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             pass_fds=list((given or {}).values()),
         )  # fmt: skip
     except OSError as error:

@@ -18,13 +18,15 @@ from typing import Any
 
 from raycheck.base.errors import NotFound
 from raycheck.base.processes import end, signal_name, tree
-from raycheck.base.text import last_words
+from raycheck.base.statuses import Status
+from raycheck.base.text import last_words, refusal
 from raycheck.grading.jail import confine
 from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
+from raycheck.renderers.commands import unexplained
 
 KEPT_BYTES = 4000
-"""How much is kept of what a program says on standard error."""
+"""How much is kept of what a program says."""
 WATCH_SECONDS = 0.05
 END_SECONDS = 10.0
 """How long a supervisor may take to end what it looks after."""
@@ -39,11 +41,19 @@ class Finished:
     """Exit status, or minus the signal."""
     seconds: float
     said: str
-    """The end of its standard error."""
+    """The end of what it said on standard output and standard error."""
     killed: str = ""
     """Why it was ended, a sentence."""
     late: bool = False
     """Because its time was over."""
+
+    @property
+    def refused(self) -> str:
+        """Why it does not support the scene, as it says; empty if it did not refuse."""
+        if self.killed or self.status < 0:
+            return ""
+        cannot = unexplained(last_words(self.said)) if self.status == Status.CANNOT else ""
+        return refusal(self.said.splitlines()) or cannot
 
     @property
     def problem(self) -> str:
@@ -104,7 +114,7 @@ def watch(start: Callable[[int], Process], bounds: Bounds, jail: str = "") -> Fi
     finally:
         os.close(writing)
     said = bytearray()
-    drain = threading.Thread(target=_drain, args=(process.stderr, said), daemon=True)
+    drain = threading.Thread(target=_drain, args=(process.stdout, said), daemon=True)
     drain.start()
     with os.fdopen(reading, "rb") as pipe:
         told = pipe.read()

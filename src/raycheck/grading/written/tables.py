@@ -134,6 +134,8 @@ def junit_xml(results: Sequence[StudentResult]) -> str:
                     case.result = [Failure(_clean(sentence(scene.told)), "verdict")]
                 elif scene.verdict is Outcome.INCONCLUSIVE:
                     case.result = [Skipped(_clean(sentence(scene.told)), "inconclusive")]
+                elif scene.verdict is Outcome.SKIP:
+                    case.result = [Skipped(_clean(sentence(scene.told)), "unsupported")]
                 suite.add_testcase(case)
         xml.add_testsuite(suite)
     return str(xml.tostring().decode("utf-8"))

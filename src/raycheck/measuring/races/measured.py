@@ -66,7 +66,7 @@ def _bias(name: str, images: Array, of: Variant, truth: Truth) -> tuple[str | No
         return None, found.mde_image
     lights = read_content(of.path, of.parameters).lights
     explained = explain([look(template_name(of), images, truth, lights)])
-    return sentences.reason(found, regions, 0.0, explained, lights), found.mde_image
+    return sentences.reason(found, regions, None, explained, lights), found.mde_image
 
 
 def _to_target(

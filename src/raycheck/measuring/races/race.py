@@ -16,7 +16,7 @@ from raycheck.base.files import whole, write_whole
 from raycheck.base.images import Image
 from raycheck.base.seeds import make_seeds
 from raycheck.judging import checks
-from raycheck.judging.plan import pace
+from raycheck.judging.timetable import pace
 from raycheck.measuring.contestants import Contestant, Shot
 from raycheck.scene.variants import Variant
 from raycheck.truth.expected import Truth
@@ -139,7 +139,9 @@ class Race:
         def plan() -> dict[str, Any]:
             opened = self._ready(entry)
             times = {spp: self._render(entry, spp, 1).seconds for spp in (LEAST_SPP, 4 * LEAST_SPP)}
-            return {"opened": opened, "levels": doubling(*pace(times), self.seconds, self.rounds)}
+            found = pace(times)
+            levels = doubling(found.start, found.sample, self.seconds, self.rounds)
+            return {"opened": opened, "levels": levels}
 
         noted = self.shelf.note(entry.name, plan)
         assert isinstance(noted, dict)
