@@ -218,7 +218,8 @@ VERDICT = of("stats/verdict.py", ["test_exact_statistics.py", "test_statistics.p
      "a sure bias within the limits passes"),
     ("pass-image-alone", "passes = inside.all() and", "passes = inside[0].all() and",
      "a PASS asks nothing of the tiles"),
-    ("pass-heavy", "passes = inside.all() and not too_heavy", "passes = inside.all()", "heavy tails pass"),
+    ("pass-heavy", "passes = inside.all() and not _too_heavy(heavy)", "passes = inside.all()",
+     "heavy tails pass"),
     ("heavy-by-chance", "heavy_regions > 2 + 0.02 * len(heavy)", "heavy_regions > 0",
      "one region that is skewed by chance leaves all open"),
     ("findings-level", "threshold[0] = SHARE_IMAGE * alpha\n    different", "threshold[0] = 0\n    different",
@@ -516,10 +517,13 @@ POINTS = of("grading/points.py", ["test_points.py"], [
      "a scene is blamed that may be within"),
 ])  # fmt: skip
 
-NOISE = of("grading/noise.py", ["test_points.py"], [
+SPREAD = of("stats/spread.py", ["test_points.py"], [
     ("jackknife", "(GROUPS - 1) / GROUPS * ((without", "1 / GROUPS * ((without",
      "the interval of a noise ratio is too narrow"),
     ("noise-ddof", "some.var(axis=0, ddof=1)", "some.var(axis=0)", "noise of few pictures is too small"),
+])  # fmt: skip
+
+NOISE = of("grading/noise.py", ["test_points.py"], [
     ("noise-interval", "half = SURE * math.hypot(", "half = math.hypot(",
      "an interval of one standard error"),
 ])  # fmt: skip
@@ -539,5 +543,5 @@ AGENDA = of("judging/agenda.py", ["test_agenda.py"], [
 CHANGES: tuple[Change, ...] = (
     *STATISTICS, *TILES, *VERDICT, *TILE_ERRORS, *PARTS, *FITTING, *CANDIDATES, *EXPLANATIONS,
     *LOOKS, *CONVENTIONS, *MISTAKES, *SENTENCES, *CHECKS, *REFERENCES, *EXPECTED, *MAKING,
-    *POINTS, *NOISE, *AGENDA,
+    *POINTS, *SPREAD, *NOISE, *AGENDA,
 )  # fmt: skip

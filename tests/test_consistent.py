@@ -14,6 +14,7 @@ from raycheck.judging import verify as verify_module
 from raycheck.judging.cases import Case
 from raycheck.judging.consistent import Sweep
 from raycheck.judging.settings import Settings
+from raycheck.scene.variants import variant
 from raycheck.stats.tiles import Tile, whole
 from raycheck.stats.verdict import Expected, Limits, Outcome
 
@@ -152,3 +153,18 @@ def test_a_fail_says_that_a_bias_may_be_meant():
     assert "--consistent PARAM=v1,v2,v3,v4 judges its limit" in verify_module.may_shrink(fail).reason
     for other in (replace(fail, bias=0.5), replace(fail, bias=None), replace(fail, verdict=Outcome.PASS)):
         assert verify_module.may_shrink(other) == other
+    once = verify_module.may_shrink(fail)
+    assert verify_module.may_shrink(once) == once, "a verdict of an earlier run"
+
+
+def test_the_command_may_be_a_manifests(tmp_path):
+    """With the scene as JSON, which each value gets."""
+    command = 'command = "./mine {json} {radius} {output}"'
+    (tmp_path / "raycheck.toml").write_text(command)
+    agendas = verify_module._sweep_agendas(
+        SWEEP, str(tmp_path), [variant("furnace")], tmp_path, explicit=True
+    )
+    renderers = [agenda.tasks[0].renderer for agenda in agendas]
+    assert [one.words[2] for one in renderers] == ["0.4", "0.2", "0.1", "0.05"]
+    assert {one.folder for one in renderers} == {tmp_path}
+    assert all(one.json.is_file() for one in renderers)

@@ -9,6 +9,7 @@ from raycheck.grading import noise, points
 from raycheck.grading.assignment import REVIEW, Assignment, Task
 from raycheck.grading.results import SceneResult, TaskResult
 from raycheck.scene.variants import Variant
+from raycheck.stats import spread
 from raycheck.stats.verdict import Outcome
 
 RIGHT, WRONG, OPEN = Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE
@@ -102,19 +103,19 @@ def test_the_worst_scene_is_shown_of_those_that_are_surely_too_noisy() -> None:
 
 def test_variance_is_unbiased_whatever_the_number_of_pictures() -> None:
     pictures = np.repeat([0.0, 2.0], noise.IMAGES // 2).reshape(-1, 1, 1, 1)
-    assert np.exp(noise._log_variance(pictures)[0]) == pytest.approx(32 / 31)
+    assert np.exp(spread.log_variance(pictures)[0]) == pytest.approx(32 / 31)
 
 
 def test_the_standard_error_of_a_log_variance_is_its_scatter() -> None:
     """400 measurements of 32 pictures of four values each."""
     pictures = np.random.default_rng(1).standard_normal((400, noise.IMAGES, 2, 2, 1))
-    found = np.array([noise._log_variance(one) for one in pictures])
+    found = np.array([spread.log_variance(one) for one in pictures])
     assert np.mean(found[:, 1] ** 2) == pytest.approx(found[:, 0].var(), rel=0.25)
 
 
 def test_the_interval_of_a_ratio_is_three_standard_errors(monkeypatch) -> None:
     monkeypatch.setattr(noise, "of_oneray", lambda *of: (np.log(2.0), 0.4))
-    monkeypatch.setattr(noise, "_log_variance", lambda images: (np.log(6.0), 0.3))
+    monkeypatch.setattr(noise, "log_variance", lambda images: (np.log(6.0), 0.3))
     found = noise.compare([np.zeros((1, 1, 3))], Variant(Path("a.xml")), 4, "nee", Path())
     assert found is not None and found.ratio == pytest.approx(3)
     assert (found.low, found.high) == pytest.approx((3 * np.exp(-1.5), 3 * np.exp(1.5)))

@@ -152,6 +152,37 @@ def test_what_fits_is_told_first() -> None:
     assert "not enough for all" in result.header["left_out"]["touching-light"]
 
 
+def test_what_shows_a_bias_is_planned_and_its_time_is_told_first() -> None:
+    """By the pilot of the verdict, which is rendered once."""
+    one, told = Simulated(start=0.1, sample=2e-3), []
+    result = judged(one, SCENES[:2], detect=0.002, on_samples=lambda plans: told.extend((one.now, plans)))
+    before, plans = told
+    for case, plan in zip(result.cases, plans, strict=True):
+        assert case.spp == plan.spp and case.mde_image < 0.0021
+        assert plan.seconds == pytest.approx(64 * one.seconds(plan.spp), rel=0.1)
+    assert one.now == pytest.approx(before + sum(plan.seconds for plan in plans), rel=0.1)
+    assert one.pictures.count(16) == 2 * 8
+
+
+def test_a_milder_level_needs_fewer_samples() -> None:
+    """Of the same detectable bias."""
+    spp = {}
+    for level in (1e-6, 0.05):
+        [case] = judged(Simulated(start=0.1, sample=2e-3), detect=0.002, level=level).cases
+        spp[level] = case.spp
+        assert case.mde_image < 0.0021
+    assert spp[0.05] < 0.7 * spp[1e-6]
+
+
+@pytest.mark.parametrize("how", [{"until": 5.0}, {"detect": 0.01}, {"spp": 1}])
+def test_what_is_not_supported_is_skip_however_one_looks(how: dict[str, float]) -> None:
+    def render(scene, spp, seed):
+        raise NotImplementedError("lamps")
+
+    [case] = raycheck.verify(render, SCENE, **how).cases
+    assert (case.verdict, case.reason) == (Outcome.SKIP, "unsupported: lamps")
+
+
 @pytest.mark.parametrize(
     ("value", "said"),
     [(1.2, "1.2"), (1.234, "1.2"), (4.0, "4"), (9.96, "10"), (23.4, "23"), (110.3, "110"), (1287, "1,300")],

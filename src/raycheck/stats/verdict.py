@@ -159,12 +159,28 @@ def judge(
     level = np.full(p.shape, SHARE_TILES * alpha / max(p_tile.size, 1))
     level[0] = SHARE_IMAGE * alpha / p.shape[1]
     detectable = st.detectable_bias(one, two, level, allowance) / scale
-    worst_of_tile = detectable[1:].max(axis=1) if len(detectable) > 1 else detectable[:1].max(axis=1)
-
     findings = _different(both, low, high, scale, p, adjusted, alpha)
+    too_heavy = _too_heavy(heavy)
+    return _concluded(
+        both, low, high, scale, allowance, adjusted, inside, heavy, detectable, fails, findings, p_omnibus,
+        _more_samples(one, both, low, high, inside, too_heavy, expected, limits, scale, level),
+    )  # fmt: skip
+
+
+def _too_heavy(heavy: Flags) -> bool:
+    """Whether the batches of more regions are too skewed than by chance alone, which gives a few."""
     heavy_regions = int(heavy.any(axis=1).sum())
-    too_heavy = heavy_regions > 2 + 0.02 * len(heavy)  # chance alone gives a few
-    passes = inside.all() and not too_heavy
+    return heavy_regions > 2 + 0.02 * len(heavy)
+
+
+def _concluded(
+    both: st.Moments, low: Array, high: Array, scale: Array, allowance: Array, adjusted: Array, inside: Flags,
+    heavy: Flags, detectable: Array, fails: bool, findings: list[Finding], p_omnibus: float,
+    more_samples: float, within_reference: float | None = None,
+) -> Judgement:  # fmt: skip
+    """The judgement of what is known of all sets, `detectable` relative: by one look or by many."""
+    worst_of_tile = detectable[1:].max(axis=1) if len(detectable) > 1 else detectable[:1].max(axis=1)
+    passes = inside.all() and not _too_heavy(heavy)
     t = np.abs(both.bias[0]) / np.where(
         both.exact[0], np.maximum(allowance[0], 1e-300), both.standard_error[0]
     )
@@ -175,11 +191,12 @@ def judge(
         bias_low=float(low[0, channel] / scale[0, channel]),
         bias_high=float(high[0, channel] / scale[0, channel]), mde_image=float(detectable[0].max()),
         mde_tile_p90=float(np.quantile(worst_of_tile, 0.9, method="higher")),
-        mde_tile_max=float(worst_of_tile.max()), p_image=float(p_image.min()),
-        p_tile=float(p_tile.min(initial=1.0)), p_omnibus=p_omnibus, findings=findings,
-        undecided=_too_wide(both, low, high, scale, adjusted, inside),
-        more_samples=_more_samples(one, both, low, high, inside, too_heavy, expected, limits, scale, level),
-        heavy_tailed=heavy_regions, tile_differences=len({f.region for f in findings if f.region > 0}),
+        mde_tile_max=float(worst_of_tile.max()), p_image=float(adjusted[0].min()),
+        p_tile=float(adjusted[1:].min(initial=1.0)), p_omnibus=p_omnibus,
+        findings=sorted(findings, key=lambda f: f.region != 0),
+        undecided=_too_wide(both, low, high, scale, adjusted, inside), more_samples=more_samples,
+        heavy_tailed=int(heavy.any(axis=1).sum()),
+        tile_differences=len({f.region for f in findings if f.region > 0}), within_reference=within_reference,
     )  # fmt: skip
 
 
@@ -223,8 +240,6 @@ def judge_looks(
     tail = (1 - CONFIDENCE) * spent(looks) / 2 / both.bias.size
     low, high = st.interval(both, tail)
     inside = _inside(low, high, both, expected, limits, scale)
-    heavy_regions = int(_heavy(both).any(axis=1).sum())
-    passes = inside.all() and heavy_regions <= 2 + 0.02 * len(regions)
     adjusted = np.minimum(np.exp(-shares), 1.0)
     order = np.argsort(np.where(adjusted <= level, -shares, np.inf), axis=None, kind="stable")
     different = [int(i) for i in order[: int((adjusted <= level).sum())]]
@@ -232,27 +247,13 @@ def judge_looks(
 
     own_error = both.standard_error * np.sqrt(1 - both.shared)
     detectable = detectable_by_looks(sets, sizes, seen, regions, expected, alpha)
-    worst_of_tile = (detectable / scale)[1:].max(axis=1) if len(regions) > 1 else detectable[0] / scale[0]
     beyond = np.abs(both.bias) - expected.allowance
     hidden = (beyond > HIDDEN_ERRORS * own_error) & (adjusted > level) & (expected.variance > 0)
-    t = np.abs(both.bias[0]) / np.where(
-        both.exact[0], np.maximum(allowance[0], 1e-300), both.standard_error[0]
-    )
-    channel = int(np.argmax(t))
-    return Judgement(
-        outcome=Outcome.FAIL if fails else Outcome.PASS if passes else Outcome.INCONCLUSIVE, channel=channel,
-        bias=float(both.bias[0, channel] / scale[0, channel]),
-        bias_low=float(low[0, channel] / scale[0, channel]),
-        bias_high=float(high[0, channel] / scale[0, channel]),
-        mde_image=float((detectable / scale)[0].max()),
-        mde_tile_p90=float(np.quantile(worst_of_tile, 0.9, method="higher")),
-        mde_tile_max=float(worst_of_tile.max()), p_image=float(adjusted[0].min()),
-        p_tile=float(adjusted[1:].min(initial=1.0)), p_omnibus=float(min(np.exp(-seen.log_value), 1.0)),
-        findings=sorted(findings, key=lambda f: f.region != 0),
-        undecided=_too_wide(both, low, high, scale, adjusted, inside),
-        more_samples=_more_looks(both, own_error, low, high, inside, expected, limits, scale, detectable),
-        heavy_tailed=heavy_regions, tile_differences=len({f.region for f in findings if f.region > 0}),
-        within_reference=float((np.abs(both.bias) / scale)[hidden].max()) if hidden.any() else None,
+    return _concluded(
+        both, low, high, scale, allowance, adjusted, inside, _heavy(both), detectable / scale, fails,
+        findings, float(min(np.exp(-seen.log_value), 1.0)),
+        _more_looks(both, own_error, low, high, inside, expected, limits, scale, detectable),
+        float((np.abs(both.bias) / scale)[hidden].max()) if hidden.any() else None,
     )  # fmt: skip
 
 
@@ -298,13 +299,12 @@ def _more_looks(
 def _different(
     both: st.Moments, low: Array, high: Array, scale: Array, p: Array, adjusted: Array, alpha: float
 ) -> list[Finding]:
-    """What differs at its level, the image's channels first, then the surest."""
+    """What differs at its level, the surest first."""
     threshold = np.full(p.shape, SHARE_TILES * alpha)
     threshold[0] = SHARE_IMAGE * alpha
     different = adjusted <= threshold
     order = np.argsort(np.where(different, p, 2.0), axis=None, kind="stable")[: int(different.sum())]
-    findings = [_finding(int(i), both, low, high, scale, adjusted) for i in order]
-    return sorted(findings, key=lambda f: f.region != 0)
+    return [_finding(int(i), both, low, high, scale, adjusted) for i in order]
 
 
 def _too_wide(
