@@ -477,8 +477,7 @@ SENSOR = '<float name="fov" value="40"/>'
         (BASE.replace(SENSOR, f'{SENSOR}<float name="principal_point_offset_x" value="200"/>'), 4,
          '"principal_point_offset_x" must be in [-100,100]'),
         (BASE.replace("<rfilter", '<integer name="crop_width" value="4000"/><rfilter'), 6, "the crop window"),
-        (BASE.replace("box", "gaussian"), 7, "gaussian"),
-        (BASE.replace('<rfilter type="box"/>', ""), 6, "Mitsuba's default, gaussian, is not supported"),
+        (BASE.replace("box", "mitchell"), 7, "mitchell"),
         (BASE.replace("<rfilter", '<string name="pixel_format" value="luminance"/><rfilter'), 7, "luminance"),
         (BASE.replace('type="path"', 'type="aov"'), 2, "aov"),
         (BASE.replace("<!-- here -->", '<shape type="rectangle"><emitter type="area">'

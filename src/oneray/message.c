@@ -85,18 +85,32 @@ NORETURN static void leave(int status)
     exit(status);
 }
 
-void die_at(const char *file, int line, const char *format, ...)
+static void say(const char *file, int line, const char *format, va_list arguments)
 {
-    va_list arguments;
     fflush(stdout);
     if (file)
         fprintf(stderr, "%s:%d: ", file, line);
     else
         fputs("oneray: ", stderr);
-    va_start(arguments, format);
     vfprintf(stderr, format, arguments);
-    va_end(arguments);
     fputc('\n', stderr);
+}
+
+void end_at(const char *file, int line, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    say(file, line, format, arguments);
+    va_end(arguments);
+    leave(EXIT_WRONG);
+}
+
+void die_at(const char *file, int line, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    say(file, line, format, arguments);
+    va_end(arguments);
     if (!file || !behind_error || ++errors == MOST_ERRORS)
         leave(EXIT_WRONG);
     give_up();

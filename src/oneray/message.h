@@ -16,6 +16,8 @@
 /* Say "FILE:LINE: …", "oneray: …" and "oneray: warning: …". */
 NORETURN void die_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);
 #define die(...) die_at(NULL, 0, __VA_ARGS__)
+/* Of what has no end: the others of the file are not waited for. */
+NORETURN void end_at(const char *file, int line, const char *format, ...) PRINTF_LIKE(3, 4);
 /* What must not be, and the command that was called with these words, so that it can be repeated. */
 void called_with(char **words);
 NORETURN void bug(const char *format, ...) PRINTF_LIKE(1, 2);

@@ -320,14 +320,14 @@ PATH = of("estimators/path.h", [
 ])  # fmt: skip
 
 PERSPECTIVE = of("sensors/perspective.h", [
-    ("view-mirrored", "Real a = real(1) - x * real(camera->pixel_width),", "Real a = x * real(camera->pixel_width) - real(1),",
-     "cornell-box nee", "left is right", "convention: left and right exchanged"),
-    ("view-upside-down", "b = real(1) - y * real(camera->pixel_height);", "b = y * real(camera->pixel_height) - real(1);",
-     "many-lights nee", "up is down", "convention: upside down"),
+    ("view-mirrored", "Real a = real(camera->a) - x * real(camera->pixel_width),",
+     "Real a = x * real(camera->pixel_width) - real(camera->a),", "cornell-box nee", "left is right", "convention: left and right exchanged"),
+    ("view-upside-down", "b = real(camera->b) - y * real(camera->pixel_height);",
+     "b = y * real(camera->pixel_height) - real(camera->b);", "many-lights nee", "up is down", "convention: upside down"),
     ("view-small-angle", "half[0] = tan(s->fov * PI / 360);", "half[0] = s->fov * PI / 360;", "cornell-box nee",
      "the angle for its tangent", "other: zoomed in"),
-    ("view-stretched", "camera->pixel_width = (Num)(2.0 / width);", "camera->pixel_width = (Num)(2.0 / (width - 1));",
-     "many-lights nee", "width - 1", "other: stretched across by 64/63"),
+    ("view-stretched", "camera->pixel_width = (Num)(2.0 / frame->width);",
+     "camera->pixel_width = (Num)(2.0 / (frame->width - 1));", "many-lights nee", "width - 1", "other: stretched across by 64/63"),
     ("view-squeezed", "half[1] = half[0] / aspect;", "half[1] = half[0] / aspect * 1.03;", "cornell-box nee",
      "pixels that are no squares", "other: squeezed"),
     ("eye-cosine", "inverse_z * inverse_z * inverse_z / real(camera->film_area)",
@@ -592,7 +592,8 @@ SHAPES = [
 LIGHT = of("estimators/light.h", [
     ("splat-no-cosine", "received(cosine, f) * eye.weight", "eye.weight", "area-light light",
      "light tracing: no cosine at the last vertex", "reflected x 1/cos to the eye"),
-    ("splat-aside", "y * scene->width + x,", "y * scene->width + index_select(x > 0, x - 1, x),", "cornell-box light",
+    ("splat-aside", "real_floor(y) * scene->width + real_floor(x);",
+     "real_floor(y) * scene->width + real_max(real_floor(x) - real(1), real(0));", "cornell-box light",
      "splats one pixel to the left", "reflected light a pixel aside"),
     ("splat-unblocked", "comes_through(path, scene, &shadow, active, index_of(-1), &flux, f)", "active",
      "cornell-box light", "light tracing: the eye sees through", "reflected: what is hidden shows"),

@@ -558,13 +558,13 @@ static void choose_sensor(Builder *builder, Node *root)
     chosen = chosen && strcmp(chosen->tag, "sensor") == 0 ? chosen : NULL;
     for (Node *child = root->first; child; child = child->next) {
         Node *sensor = sensor_of(builder, child);
-        Text number = {0};
+        char number[16];
         if (!sensor)
             continue;
-        append(&number, "%d", count++);
-        if (!chosen && strcmp(number.text, wanted) == 0)
+        snprintf(number, sizeof number, "%d", count++);
+        if (!chosen && strcmp(number, wanted) == 0)
             chosen = sensor;
-        append_word(&names, attribute(sensor, "id") ? attribute(sensor, "id") : number.text);
+        append_word(&names, attribute(sensor, "id") ? attribute(sensor, "id") : number);
     }
     if (!count)
         fail(root, "<scene> needs a <sensor type=\"perspective\">");
@@ -572,6 +572,7 @@ static void choose_sensor(Builder *builder, Node *root)
         die("--sensor %s: the scene has no such sensor (%s)", wanted, names.text);
     if (count > 1 && !builder->sensor)
         note(chosen, "of %d sensors this one is rendered: --sensor ID|N takes another (%s)", count, names.text);
+    free(names.text);
     if (builder->sensor)
         builder->description->hash = hash_bytes(builder->description->hash, wanted, strlen(wanted));
     if (!reads(builder, read_sensor, chosen))

@@ -133,11 +133,11 @@ static char *substitute(Reader *reader, const Node *node, const char *text)
             parameter->used = true;
         }
         if (result.length > MAX_VALUE)
-            fail(node, "a value of more than %d bytes", MAX_VALUE);
+            end_at(node->file, node->line, "a value of more than %d bytes", MAX_VALUE);
     } while (*text);
     reader->expanded += result.length;
     if (reader->expanded >> 20 >= MAX_MIB)
-        fail(node, "with the $parameters replaced, larger than %d MiB", MAX_MIB);
+        end_at(node->file, node->line, "with the $parameters replaced, larger than %d MiB", MAX_MIB);
     for (char *c = result.text; *c; c++)
         if (iscntrl((unsigned char)*c))
             *c = ' ';
@@ -174,7 +174,7 @@ static void add_default(Reader *reader, const Node *node)
     Parameter *parameter = parameter_at(reader, name);
     if (!parameter || strcmp(parameter->name, name) != 0) {
         if (reader->parameter_count == MAX_DEFAULTS)
-            fail(node, "more than %d parameters", MAX_DEFAULTS);
+            end_at(node->file, node->line, "more than %d parameters", MAX_DEFAULTS);
         parameter = &reader->parameters[reader->parameter_count++];
         *parameter = (Parameter){.name = name, .value = attribute(node, "value")};
     }
