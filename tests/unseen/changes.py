@@ -593,7 +593,7 @@ LIGHT = of("estimators/light.h", [
     ("splat-no-cosine", "received(cosine, f) * eye.weight", "eye.weight", "area-light light",
      "light tracing: no cosine at the last vertex", "reflected x 1/cos to the eye"),
     ("splat-aside", "real_floor(y) * scene->width + real_floor(x);",
-     "real_floor(y) * scene->width + real_max(real_floor(x) - real(1), real(0));", "cornell-box light",
+     "real_floor(y) * scene->width + real_floor(real_max(x - real(1), real(0)));", "cornell-box light",
      "splats one pixel to the left", "reflected light a pixel aside"),
     ("splat-unblocked", "comes_through(path, scene, &shadow, active, index_of(-1), &flux, f)", "active",
      "cornell-box light", "light tracing: the eye sees through", "reflected: what is hidden shows"),
