@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -56,34 +58,34 @@ SCENE = """<scene version="3.0.0">
 """
 
 
+def compiled(precision: str, lanes: int) -> Path:
+    """The library, of these very sources: kept, since every process that runs tests wants it."""
+    sources = [*sorted(SOURCES.rglob("*.[ch]")), ROOT / "tests/sampling.c"]
+    settings = [*FLAGS, f"-DLANES={lanes}", *(["-DSINGLE"] if precision == "single" else [])]
+    digest = hashlib.sha256(repr(settings).encode())
+    for path in sources:
+        digest.update(f"{path.name} {path.stat().st_size}\n".encode() + path.read_bytes())
+    target = ROOT / "build/drivers" / f"{digest.hexdigest()[:24]}.so"
+    if target.is_file():
+        return target
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        build(Path(folder), goal="kinds")
+        files = [path for path in sources if path.suffix == ".c" and path.stem not in PROGRAM]
+        made = Path(folder) / "made.so"
+        command = ["cc", *settings, f"-I{SOURCES}", f"-I{folder}", *files, "-lexpat", "-lm", "-o", made]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr[-3000:]
+        made.replace(target)
+    return target
+
+
 class Driver:
     """sampling.c, compiled for one precision and number of lanes."""
 
     def __init__(self, folder: Path, precision: str = "double", lanes: int = 1) -> None:
         self.folder = folder
-        target = folder / f"sampling_{precision}_{lanes}.so"
-        scene_files = [path for path in sorted(SOURCES.rglob("*.c")) if path.stem not in PROGRAM]
-        settings = [
-            f"-DLANES={lanes}",
-            *(["-DSINGLE"] if precision == "single" else []),
-            f"-I{SOURCES}",
-            f"-I{folder}",
-        ]
-        build(folder, goal="kinds")
-        command = [
-            "cc",
-            *FLAGS,
-            *settings,
-            ROOT / "tests/sampling.c",
-            *scene_files,
-            "-lexpat",
-            "-lm",
-            "-o",
-            target,
-        ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr[-3000:]
-        self.library = ctypes.CDLL(str(target))
+        self.library = ctypes.CDLL(str(compiled(precision, lanes)))
         self.library.scene_read.restype = ctypes.c_void_p
         self.library.scene_open.restype = ctypes.c_void_p
 
