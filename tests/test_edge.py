@@ -622,7 +622,7 @@ def test_help_says_what_is_meant_by_default() -> None:
 
 
 def test_a_renderer_that_says_that_it_cannot(tmp_path: Path) -> None:
-    """Exit status 77: the scene is left out; if nothing else is there to judge, that is status 2."""
+    """Exit status 77: the scene is SKIP; if nothing else is there to judge, that is status 2."""
     body = """
 import sys
 if "point-light" not in sys.argv[1]:
@@ -635,8 +635,10 @@ exec(open(FILE).read())
     done = raycheck("verify", "point-light", "area-light", "--renderer", command, "--spp", 1)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 PASS, 0 FAIL" in done.stdout
-    says = "the renderer says that it cannot; it said: this renderer knows no such light"
-    assert f"Left out: renderer on area-light: {says}" in done.stdout
+    why = "the renderer does not support the scene (exit status 77)"
+    says = f"{why}; it said: this renderer knows no such light"
+    assert f"SKIP: area-light: {says}" in done.stdout
     done = raycheck("verify", "area-light", "--renderer", command, "--spp", 1)
-    assert done.returncode == 2 and done.stdout == "" and done.stderr.count("\n") == 1
-    assert "area-light, renderer: the renderer says that it cannot" in done.stderr
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "nothing was judged: the renderer supports none of these scenes" in done.stderr
+    assert f"SKIP: area-light: {says}" in done.stdout
