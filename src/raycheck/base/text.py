@@ -75,8 +75,8 @@ def use_stand_ins(stream: TextIO) -> None:
 
 
 def as_printed(words: str, stream: TextIO) -> str:
-    """The text as the stream shows it."""
-    encoding = stream.encoding or "ascii"
+    """The text as the stream shows it, or the one behind it where a progress bar stands before it."""
+    encoding = getattr(stream, "rich_proxied_file", stream).encoding or "ascii"
     return words.encode(encoding, STAND_INS).decode(encoding, "replace")
 
 

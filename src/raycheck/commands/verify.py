@@ -9,7 +9,6 @@ from raycheck.base.files import write_whole
 from raycheck.base.statuses import Status
 from raycheck.commands import options
 from raycheck.commands.support import parse_bias, parse_settings, progress_bar, writable
-from raycheck.renderers.manifest import MANIFEST
 from raycheck.scene import techniques, variants
 
 
@@ -61,13 +60,15 @@ def verify(
         variants.variant(scene, parameters)
     for name in technique or ():
         techniques.technique(name)
-    if renderer is None and images is None and not technique and Path(MANIFEST).is_file():
-        renderer = MANIFEST
     from raycheck.commands.work import verify as work
     from raycheck.judging.cases import Verification
     from raycheck.judging.junit import junit_xml
     from raycheck.judging.verify import verify as run_verification
+    from raycheck.renderers.manifest import MANIFEST
     from raycheck.stats.verdict import Limits
+
+    if renderer is None and images is None and not technique and Path(MANIFEST).is_file():
+        renderer = MANIFEST
 
     standard = Limits()
     limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
