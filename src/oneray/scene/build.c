@@ -437,7 +437,8 @@ static void read_integrator(Builder *builder, Node *node)
     if (!right)
         give_up();
     if (plugin == &around)
-        note(node, "%s is rendered as what is inside: the picture has its mean alone", describe(node));
+        note(node, "<integrator type=\"%s\"> is rendered as what is inside: the picture has its mean alone",
+            attribute(node, "type"));
 }
 
 static double derived(double side) { return fmin(fmax(rint(side), 1), 1 << 28); }
@@ -511,7 +512,8 @@ static void read_sampler(Builder *builder, Node *node)
 {
     read_only(builder, node, &independent, "", builder->description);
     if (strcmp(attribute(node, "type"), "independent") != 0)
-        note(node, "%s is left out: samples are independent, or those of --sampler", describe(node));
+        note(node, "<sampler type=\"%s\"> is left out: samples are independent, or those of --sampler",
+            attribute(node, "type"));
 }
 
 static void read_view(Builder *builder, Node *node)
