@@ -19,8 +19,8 @@ WORDS = (
 
 
 def measure_commands(rounds: int) -> list[dict]:
-    """The processor seconds of each, of the process and what it starts, over the rounds; not of the first time,
-    when Python compiles what it keeps.
+    """The processor seconds of each, of the process and what it starts, over the rounds; not of the first
+    time, when Python compiles what it keeps.
     """
     seconds: dict[tuple[str, ...], list[float]] = {words: [] for words in WORDS}
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
