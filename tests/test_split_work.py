@@ -30,6 +30,7 @@ from raycheck.grading.submission import Handed
 from raycheck.renderers import pools
 from raycheck.renderers.bundle import bundle_oneray
 from raycheck.scene import variants
+from raycheck.stats import spread
 from raycheck.truth.making import Goal
 
 TASKS = """\
@@ -180,7 +181,7 @@ def test_the_noise_of_oneray_is_measured_once(some_class: Class, tmp_path, monke
     private = some_class.folder / "a.private"
     assert len(json.loads((private / noise.KEPT).read_text(encoding="utf-8"))) == 2  # shown and hidden
     of = variants.variant("point-light")
-    monkeypatch.setattr(noise, "IMAGES", noise.GROUPS + 1)
+    monkeypatch.setattr(noise, "IMAGES", spread.GROUPS + 1)
     found = [noise.of_oneray(of, 4, "nee", tmp_path)]
     monkeypatch.setenv("ONERAY", str(bundle_oneray(tmp_path / "bundle")))
     monkeypatch.setattr(noise, "oneray_command", None)
