@@ -17,20 +17,20 @@ from raycheck.base.arrays import Array
 from raycheck.base.seeds import make_seeds
 from raycheck.calibration import checkout
 from raycheck.calibration.checkout import Checkout
-from raycheck.calibration.lines import append_lines, read_lines
+from raycheck.calibration.lines import read_lines
 from raycheck.calibration.nulls import (
     CONFIGURATIONS,
     SPP,
     STRENGTHS,
     Configuration,
     Render,
+    measure_missing,
     p_values,
     parts_of,
     ready,
 )
 from raycheck.judging.plan import measure_pilot
 from raycheck.judging.settings import BATCHES, PILOT_IMAGES
-from raycheck.renderers import workers
 from raycheck.renderers.pools import Pool
 from raycheck.stats import evidence as ev
 from raycheck.stats import statistics as st
@@ -245,18 +245,7 @@ def measure(
     """`sets` sets of each configuration; what `file` has of the same pictures is kept, new ones are added to
     it as they come.
     """
-    done = {(line["configuration"], line["index"]) for line in _current(file)}
-    build = checkout.of_checkout()
-    pieces = [
-        (one, index, build)
-        for index in range(sets)
-        for one in configurations
-        if (one.label, index) not in done
-    ]
-    for _, data in workers.run(pool, one_set, pieces):
-        found = json.loads(data)
-        append_lines(file, [found])
-        yield found
+    yield from measure_missing(one_set, file, _current(file), sets, configurations, pool)
 
 
 def _current(file: Path) -> list[dict[str, Any]]:

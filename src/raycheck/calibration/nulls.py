@@ -7,7 +7,7 @@ of eight parts, whose pixels are independent of each other: those on the parts a
 import functools
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -240,7 +240,16 @@ def measure_nulls(
     """`sets` sets of each configuration; what `file` has of the same pictures is kept, new ones are added to
     it as they come.
     """
-    done = {(line["configuration"], line["index"]) for line in _current(file)}
+    for found in measure_missing(one_set, file, _current(file), sets, configurations, pool):
+        yield Set(**found)
+
+
+def measure_missing(
+    one_set: Callable[..., bytes], file: Path, kept: Iterable[Mapping[str, Any]], sets: int,
+    configurations: Sequence[Configuration], pool: Pool | None,
+) -> Iterator[dict[str, Any]]:  # fmt: skip
+    """The sets that are not among the `kept` lines, each added to the file as it comes."""
+    done = {(line["configuration"], line["index"]) for line in kept}
     build = checkout.of_checkout()
     pieces = [
         (one, index, build)
@@ -251,7 +260,7 @@ def measure_nulls(
     for _, data in workers.run(pool, one_set, pieces):
         found = json.loads(data)
         append_lines(file, [found])
-        yield Set(**found)
+        yield found
 
 
 def _current(file: Path) -> list[dict[str, Any]]:
