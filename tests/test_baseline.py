@@ -75,6 +75,7 @@ def test_noise_and_its_error(before, truth):
 def test_speed(before):
     slower = Verification([replace(before.cases[0], sample_seconds=0.03)], before.header)
     assert "3.00 times the time of a sample" in said(before, slower)
+    assert "0 changed, 1 not (1 with the same pictures); 1 at another speed." in said(before, slower)
     assert "times the time" not in said(
         before, Verification([replace(before.cases[0], sample_seconds=0.011)], before.header)
     )

@@ -48,8 +48,13 @@ class Change:
     """Or faster, by more than times vary."""
 
     @property
+    def other(self) -> bool:
+        """Whether what the renderer computes changed; its speed is the machine's as well and does not count."""
+        return self.verdicts[0] != self.verdicts[1] or self.changed or self.noisier
+
+    @property
     def sentence(self) -> str:
-        """What changed; empty if nothing did."""
+        """What changed, its speed among it; empty if nothing did."""
         parts = []
         if self.verdicts[0] != self.verdicts[1]:
             parts.append(f"was {self.verdicts[0]}, is {self.verdicts[1]}")
@@ -113,7 +118,7 @@ def lines(before: Verification, now: Verification) -> list[str]:
     """What to print: the cases that changed, then how many did not."""
     found = changes(before, now)
     told = [f"{one.scene}, {one.technique}: {one.sentence}." for one in found if one.sentence]
-    quiet = [one for one in found if not one.sentence]
+    quiet = [one for one in found if not one.other]
     same = sum(one.same_pictures for one in quiet)
     unmeasured = sum(one.difference is None for one in quiet)
     rest = [f"{same} with the same pictures"] * (same > 0)
@@ -123,7 +128,9 @@ def lines(before: Verification, now: Verification) -> list[str]:
     if unmeasured:
         rest.append(f"{unmeasured} of which no means were kept")
     day = before.header.get("date", "an unknown day")
-    told.append(f"Since {day}: {len(found) - len(quiet)} changed, {len(quiet)} not{_listed(rest)}.")
+    paces = sum(one.slower for one in found)
+    speed = f"; {paces} at another speed" if paces else ""
+    told.append(f"Since {day}: {len(found) - len(quiet)} changed, {len(quiet)} not{_listed(rest)}{speed}.")
     for words, names in zip(("Only in the baseline", "Not in the baseline"), alone(before, now), strict=True):
         told += [f"{words}: {'; '.join(names)}."] if names else []
     if not _same_machine(before, now):
