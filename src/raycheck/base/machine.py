@@ -2,11 +2,12 @@
 
 import os
 import platform
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 
 def raycheck_version() -> str:
+    from importlib.metadata import PackageNotFoundError, version  # takes a tenth of a command's start
+
     try:
         return version("raycheck")
     except PackageNotFoundError:

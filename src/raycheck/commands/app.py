@@ -12,7 +12,6 @@ import typer
 from typer.core import TyperGroup
 
 from raycheck.base.errors import NotFound
-from raycheck.base.machine import raycheck_version
 from raycheck.base.text import nearest
 from raycheck.commands.edge import status_of
 
@@ -87,6 +86,8 @@ app = plain_app(Commands)
 
 def _show_version(value: bool) -> None:
     if value:
+        from raycheck.base.machine import raycheck_version
+
         print(f"raycheck {raycheck_version()}")
         raise typer.Exit
 

@@ -8,7 +8,7 @@ import typer
 from raycheck.base.files import write_whole
 from raycheck.base.text import one_line
 from raycheck.commands import options
-from raycheck.commands.support import COLOURS, Output, writable
+from raycheck.commands.words import writable
 
 
 def compare(
@@ -17,6 +17,7 @@ def compare(
     json_file: options.JsonFile = None,
 ) -> None:
     """Do two images with standard errors show the same mean? Exit status as in verify."""
+    from raycheck.commands.terminal import COLOURS, Output
     from raycheck.judging.compare import compare as compare_images
 
     writable(json_file)

@@ -8,7 +8,6 @@ import typer
 from raycheck.base.errors import NotFound
 from raycheck.base.statuses import Status
 from raycheck.commands.options import RendererCommand
-from raycheck.commands.support import Output
 
 
 def diagnose(
@@ -29,6 +28,7 @@ def diagnose(
     """
     if bool(images) == bool(renderer):
         raise NotFound("diagnose needs either IMAGE files or --renderer CMD")
+    from raycheck.commands.terminal import Output
     from raycheck.judging.inspection import of_files, of_renderer, report, write_map
 
     found = of_renderer(renderer, scene) if renderer else of_files(images or [], scene)

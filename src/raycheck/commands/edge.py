@@ -10,7 +10,6 @@ import traceback
 from collections.abc import Callable
 
 from raycheck.base.errors import PlainError
-from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.statuses import Status
 from raycheck.base.text import one_line
 
@@ -73,6 +72,8 @@ def _unwritten(status: Status) -> Status:
 
 def _bug(error: Exception) -> Status:
     """One line; the traceback goes into a file of its own."""
+    from raycheck.base.machine import machine, raycheck_version
+
     whole = "".join(traceback.format_exception(error))
     what = f"{type(error).__name__}: {error}".splitlines()[0]
     try:

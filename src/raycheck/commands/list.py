@@ -1,12 +1,13 @@
 """raycheck list: the names that the other commands take."""
 
-from raycheck.commands.support import Columns, Output
 from raycheck.scene import variants
 from raycheck.scene.techniques import TECHNIQUES
 
 
 def list() -> None:
     """List the canonical scenes and the techniques, each with what it is."""
+    from raycheck.commands.terminal import Columns, Output
+
     console = Output()
     scenes = Columns(("scene", "parameters", "what it shows"), wrap=("parameters", "what it shows"))
     for name in variants.scene_names():

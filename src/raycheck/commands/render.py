@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import duration
-from raycheck.commands.support import Output, parse_settings
+from raycheck.commands.words import parse_settings
 from raycheck.renderers import pools
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique as named_technique
@@ -50,6 +49,9 @@ def render(
         raise NotFound(f"--exposure is of a .png: {output} holds the radiance as it is")
     of = variants.variant(scene, parse_settings(settings))
     chosen = named_technique(technique).options if technique else ()
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from raycheck.commands.terminal import Output
     from raycheck.renderers import shards
 
     work = shards.Work(of.path, of.parameters, (*chosen, *(options or ())), seed)

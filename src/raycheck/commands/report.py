@@ -7,7 +7,7 @@ import typer
 
 from raycheck.base.files import made_folder, write_whole
 from raycheck.commands import options
-from raycheck.commands.support import progress_bar, writable
+from raycheck.commands.words import writable
 from raycheck.scene import variants
 
 
@@ -30,6 +30,7 @@ def report(
     """Leave one offline page: error against run time, pictures, error maps and verdicts."""
     writable(json_file)
     wanted = [variants.variant(scene) for scene in scenes or ()]
+    from raycheck.commands.terminal import progress_bar
     from raycheck.commands.work import report as work
     from raycheck.measuring.contestants import named_commands
     from raycheck.measuring.race_plots import flagged

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from raycheck.commands import options
-from raycheck.commands.support import parse_settings
+from raycheck.commands.words import parse_settings
 from raycheck.scene import variants
 
 

@@ -9,7 +9,7 @@ from raycheck.base.machine import machine, raycheck_version
 from raycheck.base.statuses import Status
 from raycheck.commands import options
 from raycheck.commands.edge import command_line
-from raycheck.commands.support import Columns, Output, progress_bar, writable
+from raycheck.commands.words import writable
 
 
 def stability(
@@ -25,6 +25,7 @@ def stability(
     """How far oneray, and Mitsuba where it is installed, hold in stiff cases, against closed forms: exit
     status 1 if oneray misses a goal.
     """
+    from raycheck.commands.terminal import Columns, Output, progress_bar
     from raycheck.measuring.stability import sweeps, tables
     from raycheck.measuring.stability.results import to_json
 

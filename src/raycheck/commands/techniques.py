@@ -8,7 +8,7 @@ from raycheck.base.files import write_whole
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.commands import options
 from raycheck.commands.edge import command_line
-from raycheck.commands.support import parse_settings, progress_bar, writable
+from raycheck.commands.words import parse_settings, writable
 
 
 def techniques(
@@ -24,6 +24,7 @@ def techniques(
     json_file: options.JsonFile = None,
 ) -> None:
     """What each technique of oneray costs: variance and time of a sample, against the plain random walk."""
+    from raycheck.commands.terminal import progress_bar
     from raycheck.commands.work import techniques as work
     from raycheck.measuring import prices
 

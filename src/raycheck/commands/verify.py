@@ -8,7 +8,7 @@ from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
 from raycheck.base.statuses import Status
 from raycheck.commands import options
-from raycheck.commands.support import parse_bias, parse_settings, progress_bar, writable
+from raycheck.commands.words import parse_bias, parse_settings, writable
 from raycheck.scene import techniques, variants
 
 
@@ -60,6 +60,7 @@ def verify(
         variants.variant(scene, parameters)
     for name in technique or ():
         techniques.technique(name)
+    from raycheck.commands.terminal import progress_bar
     from raycheck.commands.work import verify as work
     from raycheck.judging.cases import Verification
     from raycheck.judging.junit import junit_xml

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import made_folder
-from raycheck.commands.support import COLOURS, Columns, Output
+from raycheck.commands.terminal import COLOURS, Columns, Output
 from raycheck.grading import course
 from raycheck.grading.assignment import Assignment, read_assignment
 from raycheck.grading.jail import sandbox

@@ -9,7 +9,7 @@ import typer
 from raycheck.base.statuses import Status
 from raycheck.base.text import duration, percent
 from raycheck.calibration import assignments
-from raycheck.commands.support import Columns, Output
+from raycheck.commands.terminal import Columns, Output
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader

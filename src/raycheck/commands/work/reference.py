@@ -9,7 +9,7 @@ from rich.progress import Progress
 from raycheck.base.errors import NotFound
 from raycheck.base.statuses import Status
 from raycheck.base.text import duration, percent, signed
-from raycheck.commands.support import Output
+from raycheck.commands.terminal import Output
 from raycheck.scene import variants
 from raycheck.stats.tiles import place
 from raycheck.stats.verdict import Outcome

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from raycheck.base.machine import machine, raycheck_version
 from raycheck.commands.edge import command_line
-from raycheck.commands.support import progress_bar
+from raycheck.commands.terminal import progress_bar
 from raycheck.measuring.contestants import (
     Contestant,
     command_contestant,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raycheck.base.errors import NotFound
-from raycheck.commands.support import Columns, Output
+from raycheck.commands.terminal import Columns, Output
 from raycheck.grading import attacks
 from raycheck.grading.jail import sandbox
 from raycheck.grading.jail.limits import Limits

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from raycheck.commands.support import Columns, Output
+from raycheck.commands.terminal import Columns, Output
 from raycheck.measuring import price_tables, prices
 from raycheck.scene.techniques import TECHNIQUES
 

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from raycheck.base.files import write_whole
 from raycheck.base.text import duration, one_line, percent, signed
-from raycheck.commands.support import COLOURS, Columns, Output, put
+from raycheck.commands.terminal import COLOURS, Columns, Output, put
 from raycheck.judging import baseline, sentences
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_renderer import Planned
