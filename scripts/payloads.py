@@ -132,7 +132,8 @@ def render(oneray: Path, picture: Picture, kernel: Kernel) -> str:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
         if done.returncode == 0 and film.is_file():
             return payload(film.read_bytes())
-    return REFUSED if done.returncode == 2 and done.stderr.count("\n") == 1 else f"exit {done.returncode}"
+    errors = [line for line in done.stderr.splitlines() if not line.startswith("oneray: warning:")]
+    return REFUSED if done.returncode == 2 and len(errors) == 1 else f"exit {done.returncode}"
 
 
 def render_all(

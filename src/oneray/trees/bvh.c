@@ -11,7 +11,7 @@
 enum { BINS = 16, HALVING_LEVEL = 24 }; /* from there on parts are halved: the depth stays in BVH_DEPTH */
 
 typedef struct {
-    float low[3], high[3];
+    float low[4], high[4];
 } Box;
 
 typedef struct {
@@ -25,14 +25,14 @@ typedef struct {
     Bvh bvh;
 } Build;
 
-static const Box nothing = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}};
+static const Box nothing = {{FLT_MAX, FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX, -FLT_MAX}};
 
-static void enclose(Box *box, const float low[3], const float high[3])
+static inline void enclose(Box *restrict box, const float low[4], const float high[4])
 {
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 4; i++)
         box->low[i] = low[i] < box->low[i] ? low[i] : box->low[i];
+    for (int i = 0; i < 4; i++)
         box->high[i] = high[i] > box->high[i] ? high[i] : box->high[i];
-    }
 }
 
 static float area(const Box *box)
@@ -46,10 +46,15 @@ static float middle(const BvhItem *item, int axis)
     return 0.5f * item->low[axis] + 0.5f * item->high[axis];
 }
 
+/* Where the bins of an axis begin, and how many there are to a metre; 0 where all middles are at one place. */
+typedef struct {
+    float low, scale;
+} Bins;
+
 /* The bin of an item; written so that no number, not even nan, falls outside. */
-static int bin_of(const BvhItem *item, int axis, float low, float scale)
+static int bin_of(const BvhItem *item, int axis, Bins bins)
 {
-    float x = (middle(item, axis) - low) * scale;
+    float x = (middle(item, axis) - bins.low) * bins.scale;
     return x >= BINS - 1 ? BINS - 1 : x > 0 ? (int)x : 0;
 }
 
@@ -64,69 +69,96 @@ static Part part_of(const BvhItem *items, int first, int count)
 /* A place to divide: the items of bins below `bin` along `axis` go to the first side. */
 typedef struct {
     int axis, bin;
-    float cost, low, scale;
+    float cost;
+    Box first, second; /* around the sides */
 } Division;
 
-static float side_cost(const Build *build, const Box *box, int count)
+typedef struct {
+    Box box;
+    int count;
+} Bin;
+
+static float side_cost(const Build *build, const Bin *side)
 {
-    return area(box) * (float)((count + build->leaf_most - 1) / build->leaf_most);
+    return area(&side->box) * (float)((side->count + build->leaf_most - 1) / build->leaf_most);
 }
 
-static void try_axis(const Build *build, const Part *part, int axis, float low, float high, Division *best)
+static void join_bin(Bin *side, const Bin *bin)
 {
-    Box boxes[BINS], box = nothing;
-    int counts[BINS] = {0}, count = 0;
-    float scale = (float)BINS / (high - low), right[BINS] = {0};
-    for (int b = 0; b < BINS; b++)
-        boxes[b] = nothing;
-    for (int i = part->first; i < part->first + part->count; i++) {
-        const BvhItem *item = &build->items[i];
-        int b = bin_of(item, axis, low, scale);
-        counts[b]++;
-        enclose(&boxes[b], item->low, item->high);
-    }
+    enclose(&side->box, bin->box.low, bin->box.high);
+    side->count += bin->count;
+}
+
+static void try_axis(const Build *build, const Bin bins[BINS], int axis, Division *best)
+{
+    Bin second[BINS + 1] = {[BINS] = {nothing, 0}}, first = second[BINS];
     for (int b = BINS - 1; b > 0; b--) {
-        enclose(&box, boxes[b].low, boxes[b].high);
-        count += counts[b];
-        right[b] = count ? side_cost(build, &box, count) : -1;
+        second[b] = second[b + 1];
+        join_bin(&second[b], &bins[b]);
     }
-    box = nothing;
-    count = 0;
-    for (int b = 1; b < BINS; b++) {
-        enclose(&box, boxes[b - 1].low, boxes[b - 1].high);
-        count += counts[b - 1];
-        float cost = side_cost(build, &box, count) + right[b];
-        if (count && right[b] >= 0 && cost < best->cost)
-            *best = (Division){axis, b, cost, low, scale};
+    for (int b = 1; b < BINS && second[b].count; b++) {
+        join_bin(&first, &bins[b - 1]);
+        float cost = side_cost(build, &first) + side_cost(build, &second[b]);
+        if (first.count && cost < best->cost)
+            *best = (Division){axis, b, cost, first.box, second[b].box};
     }
 }
 
-/* Divides a part in two; returns how many items are in the first. */
-static int divide(const Build *build, const Part *part, int level)
+/* The bins along all axes of the middles of a part. */
+static void set_bins(const Build *build, const Part *part, Bins bins[3])
 {
-    Division best = {-1, 0, FLT_MAX, 0, 0};
     Box middles = nothing;
     for (int i = part->first; i < part->first + part->count; i++) {
         const BvhItem *item = &build->items[i];
-        const float p[3] = {middle(item, 0), middle(item, 1), middle(item, 2)};
+        float p[4];
+        for (int axis = 0; axis < 4; axis++)
+            p[axis] = middle(item, axis);
         enclose(&middles, p, p);
     }
-    for (int axis = 0; axis < 3 && level < HALVING_LEVEL; axis++)
-        if (middles.high[axis] > middles.low[axis])
-            try_axis(build, part, axis, middles.low[axis], middles.high[axis], &best);
-    if (best.axis < 0)
-        return part->count / 2;
-    int first = part->first, last = part->first + part->count - 1;
+    for (int axis = 0; axis < 3; axis++) {
+        float low = middles.low[axis], high = middles.high[axis];
+        bins[axis] = (Bins){low, high > low ? (float)BINS / (high - low) : 0};
+    }
+}
+
+/* Divides a part in two. */
+static void divide(const Build *build, const Part *part, int level, Part sides[2])
+{
+    Division best = {-1, 0, FLT_MAX, nothing, nothing};
+    BvhItem *items = build->items;
+    Bins bins[3] = {{0, 0}};
+    Bin bin[3][BINS];
+    int first = part->first, last = first + part->count - 1;
+    if (level < HALVING_LEVEL) {
+        set_bins(build, part, bins);
+        for (int b = 0; b < 3 * BINS; b++)
+            bin[b / BINS][b % BINS] = (Bin){nothing, 0};
+        for (int i = first; i <= last; i++)
+            for (int axis = 0; axis < 3; axis++) {
+                Bin *one = &bin[axis][bin_of(&items[i], axis, bins[axis])];
+                enclose(&one->box, items[i].low, items[i].high);
+                one->count++;
+            }
+        for (int axis = 0; axis < 3; axis++)
+            if (bins[axis].scale > 0)
+                try_axis(build, bin[axis], axis, &best);
+    }
+    if (best.axis < 0) {
+        sides[0] = part_of(items, first, part->count / 2);
+        sides[1] = part_of(items, first + part->count / 2, part->count - part->count / 2);
+        return;
+    }
     while (first <= last) {
-        BvhItem item = build->items[first];
-        if (bin_of(&item, best.axis, best.low, best.scale) < best.bin) {
+        BvhItem item = items[first];
+        if (bin_of(&item, best.axis, bins[best.axis]) < best.bin) {
             first++;
         } else {
-            build->items[first] = build->items[last];
-            build->items[last--] = item;
+            items[first] = items[last];
+            items[last--] = item;
         }
     }
-    return first - part->first;
+    sides[0] = (Part){part->first, first - part->first, best.first};
+    sides[1] = (Part){first, part->first + part->count - first, best.second};
 }
 
 /* The part to divide next: the largest, once they are only halved the one with most items; -1 if all are
@@ -152,10 +184,10 @@ static int add_node(Build *build, Part whole, int level)
     int count = 1, node = bvh->node_count++;
     bvh->nodes = room_for(bvh->nodes, node, sizeof *bvh->nodes);
     for (int k; count < BVH_WIDTH && (k = largest_part(build, parts, count, level)) >= 0; count++) {
-        Part part = parts[k];
-        int first = divide(build, &part, level);
-        parts[k] = part_of(build->items, part.first, first);
-        parts[count] = part_of(build->items, part.first + first, part.count - first);
+        Part sides[2];
+        divide(build, &parts[k], level, sides);
+        parts[k] = sides[0];
+        parts[count] = sides[1];
     }
     for (int k = 0; k < BVH_WIDTH; k++) {
         int32_t child = -1;

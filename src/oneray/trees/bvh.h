@@ -5,9 +5,10 @@
 
 enum { BVH_WIDTH = 8, BVH_DEPTH = 40 };
 
-/* A thing, and the box around it; only how well the tree is built depends on the box. */
+/* A thing, and the box around it, of which a fourth number is 0: compilers take four at once. Only how well the tree is
+   built depends on the box. */
 typedef struct {
-    float low[3], high[3];
+    float low[4], high[4];
     int32_t id;
 } BvhItem;
 

@@ -32,6 +32,12 @@ static BvhItem item_of(const TreeBox *box, const TreeBox *all, int id)
     return item;
 }
 
+/* A node or a leaf, as nodes name it. */
+static const TreeBox *box_of(const MeshTree *tree, int32_t child)
+{
+    return child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child];
+}
+
 /* From the leaves upwards: a child has a higher number than its node. */
 static void box_nodes(MeshTree *tree)
 {
@@ -41,9 +47,8 @@ static void box_nodes(MeshTree *tree)
         tree->node[n] = box_empty();
         for (int k = 0; k < BVH_WIDTH; k++) {
             int child = bvh->nodes[n].child[k];
-            const TreeBox *box = child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child];
             if (child != -1)
-                box_join(&tree->node[n], box->low, box->high);
+                box_join(&tree->node[n], box_of(tree, child)->low, box_of(tree, child)->high);
         }
     }
 }
@@ -90,7 +95,7 @@ bool mesh_tree_visit(const MeshTree *tree, int64_t *patience, const void *query,
         *patience -= BVH_WIDTH;
         for (int k = 0; next >= 0 && k < BVH_WIDTH; k++) {
             int32_t child = tree->bvh.nodes[next].child[k];
-            if (child != -1 && enters(query, child >= 0 ? &tree->node[child] : &tree->leaf[-2 - child]))
+            if (child != -1 && enters(query, box_of(tree, child)))
                 pending[count++] = child;
         }
         const int32_t *leaf = next < 0 ? tree->bvh.leaves[-2 - next] : NULL;
@@ -134,25 +139,26 @@ static bool join_leaves(const Join *j, int one, int other)
     return false;
 }
 
-/* A leaf with those up to it. */
-static bool join_leaf(const Join *j, int leaf)
+/* What two children have in common, or one with itself. Of a leaf and a node, or of two nodes, the first that is a node
+   is opened. */
+static bool join(const Join *j, int32_t one, int32_t other)
 {
-    const MeshTree *tree = j->tree;
-    int32_t pending[BVH_DEPTH * BVH_WIDTH] = {0};
-    for (int count = 1; count > 0 && *j->patience >= 0;) {
-        int32_t node = pending[--count];
-        *j->patience -= BVH_WIDTH;
-        for (int k = 0; k < BVH_WIDTH; k++) {
-            int32_t child = tree->bvh.nodes[node].child[k], other = -2 - child;
-            if (child == -1 || other > leaf)
-                continue;
-            if (boxes_apart(child >= 0 ? &tree->node[child] : &tree->leaf[other], &tree->leaf[leaf], j->slack))
-                continue;
-            if (child >= 0)
-                pending[count++] = child;
-            else if (join_leaves(j, leaf, other))
+    const Bvh *bvh = &j->tree->bvh;
+    bool within = one == other, leaf = one < 0;
+    if (leaf && other < 0)
+        return join_leaves(j, -2 - one, -2 - other);
+    const int32_t *child = bvh->nodes[leaf ? other : one].child;
+    const TreeBox *box = box_of(j->tree, leaf ? one : other);
+    *j->patience -= BVH_WIDTH;
+    for (int k = 0; k < BVH_WIDTH && *j->patience >= 0; k++) {
+        if (child[k] == -1 || (!within && boxes_apart(box_of(j->tree, child[k]), box, j->slack)))
+            continue;
+        if (!within && join(j, leaf ? one : other, child[k]))
+            return true;
+        for (int i = 0; within && i <= k; i++)
+            if (child[i] != -1 && !boxes_apart(box_of(j->tree, child[i]), box_of(j->tree, child[k]), j->slack)
+                && join(j, child[i], child[k]))
                 return true;
-        }
     }
     return false;
 }
@@ -160,13 +166,10 @@ static bool join_leaf(const Join *j, int leaf)
 bool mesh_tree_pairs(const MeshTree *tree, int64_t *patience, const Mesh *mesh, double slack, void *to,
     bool (*use)(void *to, int one, int other))
 {
-    bool found = false;
     TreeBox *box = allocate((size_t)mesh->triangle_count, sizeof *box);
     for (int i = 0; i < mesh->triangle_count; i++)
         box[i] = mesh_box(mesh, tree->triangle[i]);
-    Join join = {tree, box, slack, patience, to, use};
-    for (int leaf = 0; leaf < tree->bvh.leaf_count && !found && *patience >= 0; leaf++)
-        found = join_leaf(&join, leaf);
+    bool found = tree->bvh.node_count && join(&(Join){tree, box, slack, patience, to, use}, 0, 0);
     free(box);
     return found;
 }
