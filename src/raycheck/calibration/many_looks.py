@@ -41,7 +41,7 @@ from raycheck.stats.verdict import ALPHA, SHARE_IMAGE, SHARE_TILES, Expected, Ou
 from raycheck.truth import provenance
 from raycheck.truth.expected import Truth
 
-METHOD = 1
+METHOD = 2
 """Version of how correct renderers are looked at, see truth.provenance."""
 LOOKS = 5
 POWERS = (1, 2, LOOKS)

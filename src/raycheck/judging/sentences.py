@@ -9,7 +9,6 @@ from raycheck.judging import mistakes
 from raycheck.judging.conventions import Convention
 from raycheck.judging.explanations import NOTHING, Explanation, Factor
 from raycheck.judging.parts import Hypothesis
-from raycheck.stats.evidence import REFERENCE_ERRORS
 from raycheck.stats.tiles import Tile, place
 from raycheck.stats.verdict import Finding, Judgement, Outcome
 
@@ -216,9 +215,9 @@ def may_be_the_reference(found: Judgement) -> str:
     """The end of a sentence where a bias is no noise, but not beyond the reference's own error."""
     if found.within_reference is None:
         return ""
-    size = percent(found.within_reference)
+    size, errors = found.within_reference
     return (
-        f"; a bias of {size} is no noise, but within {REFERENCE_ERRORS:.0f} standard errors of the reference"
+        f"; a bias of {percent(size)} is no noise, but within {errors:.1f} standard errors of the reference"
     )
 
 

@@ -11,7 +11,8 @@ divided in a later look leaves its product to its parts, which changes no sum. N
 more than FLOOR: that is how far null runs have shown p-values to be even.
 
 All sets share the reference's error. It is no noise here: the null hypothesis is a bias of at most what is
-always allowed and `REFERENCE_ERRORS` standard errors of the reference.
+always allowed and `reference_errors` standard errors of the reference. However many sets there are they find
+what lies beyond, so that the chance of a reference that does so anywhere is kept far below any level.
 
 Sources: G. Shafer, "Testing by betting" (J. R. Statist. Soc. A 184, 2021); V. Vovk and R. Wang, "E-values:
 calibration, combination and applications" (Ann. Statist. 49, 2021) for e(p); A. Ramdas, P. Grünwald, V. Vovk
@@ -36,8 +37,10 @@ SCALE = 1 / (1 - (1 - KAPPA) * FLOOR**KAPPA)
 """c: ∫ κ max(p, f)^(κ−1) dp = f^κ κ + 1 − f^κ."""
 IMAGE = 0.5
 """Weight of the whole image; the tiles have the rest, by their area."""
-REFERENCE_ERRORS = 5.0
-"""Standard errors that a reference may be off."""
+REFERENCE_CHANCE = 1e-6
+"""Chance that a right reference is off by more than `reference_errors` in its image, or in any of its
+tiles.
+"""
 SIMULATED = 4000
 """Runs of which the power of looks is counted."""
 
@@ -54,6 +57,14 @@ def gain(found: st.Moments, allowance: Array, skewed: Flags) -> Array:
     """
     won = log_e(np.stack(st.one_sided_p(found, allowance)))
     return np.where(skewed | found.exact, np.minimum(won, 0.0), won)
+
+
+def reference_errors(tiles: int, batches: int) -> Array:
+    """(1 + tiles,) standard errors that a reference of so many batches may be off in the image and in each
+    tile: two-sided quantiles of t that share REFERENCE_CHANCE, over three channels, and over the tiles.
+    """
+    tests = 3 * np.array([1, *[tiles] * tiles])
+    return np.asarray(-special.stdtrit(max(batches - 1, 1), REFERENCE_CHANCE / 2 / tests))
 
 
 @dataclass(frozen=True)

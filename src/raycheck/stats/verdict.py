@@ -122,8 +122,10 @@ class Judgement:
     """Regions whose batches are too skewed to be used."""
     tile_differences: int = 0
     """Tiles that differ by themselves."""
-    within_reference: float | None = None
-    """The largest relative bias, if any, that is no noise but may be the reference's own error."""
+    within_reference: tuple[float, float] | None = None
+    """The largest relative bias, if any, that is no noise but may be the reference's own error, and of how
+    many standard errors.
+    """
 
 
 def judge(
@@ -176,7 +178,7 @@ def _too_heavy(heavy: Flags) -> bool:
 def _concluded(
     both: st.Moments, low: Array, high: Array, scale: Array, allowance: Array, adjusted: Array, inside: Flags,
     heavy: Flags, detectable: Array, fails: bool, findings: list[Finding], p_omnibus: float,
-    more_samples: float, within_reference: float | None = None,
+    more_samples: float, within_reference: tuple[float, float] | None = None,
 ) -> Judgement:  # fmt: skip
     """The judgement of what is known of all sets, `detectable` relative: by one look or by many."""
     worst_of_tile = detectable[1:].max(axis=1) if len(detectable) > 1 else detectable[:1].max(axis=1)
@@ -207,7 +209,12 @@ def spent(look: int) -> float:
 
 def null_bias(expected: Expected) -> Array:
     """(R, 3) the bias that later looks may find in what is right: the allowance and the reference's error."""
-    return np.asarray(expected.allowance + ev.REFERENCE_ERRORS * np.sqrt(expected.variance))
+    return np.asarray(expected.allowance + _reference_errors(expected) * np.sqrt(expected.variance))
+
+
+def _reference_errors(expected: Expected) -> Array:
+    """(R, 1)"""
+    return ev.reference_errors(len(expected.mean) - 1, expected.batches)[:, None]
 
 
 def own_moments(residuals: Array, expected: Expected) -> st.Moments:
@@ -253,8 +260,16 @@ def judge_looks(
         both, low, high, scale, allowance, adjusted, inside, _heavy(both), detectable / scale, fails,
         findings, float(min(np.exp(-seen.log_value), 1.0)),
         _more_looks(both, own_error, low, high, inside, expected, limits, scale, detectable),
-        float((np.abs(both.bias) / scale)[hidden].max()) if hidden.any() else None,
+        _largest(np.abs(both.bias) / scale, hidden, _reference_errors(expected)),
     )  # fmt: skip
+
+
+def _largest(size: Array, of: Flags, errors: Array) -> tuple[float, float] | None:
+    """The largest `size` (R, 3) of these, and the `errors` (R, 1) of its region."""
+    if not of.any():
+        return None
+    region, channel = np.unravel_index(int(np.argmax(np.where(of, size, -1.0))), size.shape)
+    return float(size[region, channel]), float(errors[region, 0])
 
 
 def detectable_by_looks(
