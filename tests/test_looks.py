@@ -200,7 +200,7 @@ class TestVerdicts:
         of, off = expected(variance=1e-3**2), np.zeros((5, 3))
         off[2] = 5.9e-3
         monkeypatch.setattr(verdict, "_reference_errors", lambda _: np.full((5, 1), 5.0))
-        residuals = sets(200, deviation=4e-3, seed=1) + off
+        residuals = sets(200, deviation=1e-3, seed=1) + off
         assert looked(residuals, of, after=[100])[0][0].outcome is Outcome.FAIL
         monkeypatch.undo()
         assert looked(residuals, of, after=[100])[0][0].outcome is Outcome.INCONCLUSIVE
