@@ -11,7 +11,7 @@ import tarfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import jsonschema
@@ -25,6 +25,7 @@ from raycheck.base.errors import NotFound, RenderLate, RenderTimeout
 from raycheck.base.images import Image, write_pfm
 from raycheck.commands.app import app
 from raycheck.grading import attacks, course, hidden, points, speed
+from raycheck.grading import judge as judge_module
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail import sandbox
 from raycheck.grading.jail.limits import Limits
@@ -39,6 +40,7 @@ from raycheck.grading.written import tables
 from raycheck.grading.written.gradescope import failed_json, results_json
 from raycheck.grading.written.pages import clusters, student_page
 from raycheck.judging import checks
+from raycheck.judging.settings import PILOT_IMAGES
 from raycheck.renderers import builds
 from raycheck.renderers.renderer import Rendering
 from raycheck.scene import variants
@@ -302,7 +304,7 @@ def test_a_picture_counts_where_hidden_variants_show_that_it_is_not_stored(
         return replace(found[int(work.name.removeprefix("L1-"))], hidden=varies is not None)
 
     monkeypatch.setattr(Grader, "_scene", scene)
-    attempt = Attempt("a", Submission(tmp_path), "x", "", Jail(Tier.NONE, Limits()), tmp_path, None)
+    attempt = Attempt("a", Submission(tmp_path), "x", "", Jail(Tier.NONE, Limits()), tmp_path, None, 1)
     task = grader._task(asked.tasks[0], attempt)
     share = 12 / 5
     assert task.points == pytest.approx(2 * share + sure / 2 * share, abs=1e-3)
@@ -331,6 +333,9 @@ class Noisy(Taken):
     seconds: Callable[[int, int], float]
     """By samples per pixel and number of the picture."""
     noise: float = 0.8
+    bias: Callable[[int], float] = lambda number: 1.0
+    """A factor by number of the picture."""
+    seeds: list[int] = field(default_factory=list)
     task_seconds: float = 300.0
     takes_scene: bool = True
     takes_spp: bool = True
@@ -342,12 +347,15 @@ class Noisy(Taken):
 
     def render(self, scene: Path, spp: int, seed: int, timeout: float) -> Rendering:
         self.check_time()
-        seconds = self.seconds(spp, sum(map(len, self.pictures.values())))
+        number = self.taken.total()
+        seconds = self.seconds(spp, number)
+        self.seeds.append(seed)
         if seconds > timeout:
             raise RenderLate("no picture: not finished")
         mean = references.load_reference(variants.variant("point-light")).mean
         k = spp / self.noise**2
-        pixels = mean * np.random.default_rng(seed).gamma(k, 1 / k, (*mean.shape[:2], 1))
+        grains = np.random.default_rng(seed).gamma(k, 1 / k, (*mean.shape[:2], 1))
+        pixels = self.bias(number) * mean * grains
         self.take(spp, seconds, pixels)
         return Rendering(Image(pixels), seconds)
 
@@ -356,7 +364,7 @@ class Noisy(Taken):
     ("seconds", "noise", "verdict", "looks"),
     [
         (lambda spp, number: 1.9 if number == 20 else 0.004 * spp, 2.0, Outcome.PASS, 2),
-        (lambda spp, number: 0.004 * spp if spp <= 16 else 2.1, 2.0, Outcome.INCONCLUSIVE, 1),
+        (lambda spp, number: 0.004 * spp if spp <= 16 else 2.1, 2.0, Outcome.PASS, 2),
         (lambda spp, number: 0.1 * spp, 2.0, Outcome.INCONCLUSIVE, 1),
         (lambda spp, number: 0.004 * spp if number < 100 else 2.1, 2.0, Outcome.INCONCLUSIVE, 1),
         (lambda spp, number: 0.02 * spp if spp <= 16 else 2.0, 2.0, Outcome.PASS, 2),
@@ -366,7 +374,7 @@ class Noisy(Taken):
     ],
     ids=[
         "one late picture",
-        "too slow",
+        "slow with more samples",
         "hopeless",
         "too slow at last",
         "slow",
@@ -376,17 +384,53 @@ class Noisy(Taken):
     ],
 )
 def test_the_clock_decides_no_verdict(tmp_path, seconds, noise: float, verdict: Outcome, looks: int) -> None:
-    """More samples are tried where noise wants them, and where they take too long it stays as it was."""
-    text = TASKS.replace("delta = 0.05", "delta = 0.01").replace("spp = 4", "spp = 16")
-    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), Tier.NONE)
-    program = Noisy(seconds, noise)
-    [task] = grader.assignment.tasks
-    asked = replace(grader.assignment, limits=program.limits)
-    found = replace(grader, assignment=asked).judge(
-        task, variants.variant("point-light"), "point-light", False, program, "clock"
-    )
+    """Fresh samples follow where noise wants them, and where they take too long it stays as it was."""
+    found = looked_at(tmp_path, Noisy(seconds, noise))
     assert (found.verdict, found.looks) == (verdict, looks), found.reason
     assert found.bias is not None
+
+
+def looked_at(tmp_path, program: Noisy, **more) -> SceneResult:
+    """What is said of point-light with 16 samples per pixel, within 1 %."""
+    text = TASKS.replace("delta = 0.05", "delta = 0.01").replace("spp = 4", "spp = 16")
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), Tier.NONE)
+    [task] = grader.assignment.tasks
+    asked = replace(grader.assignment, limits=program.limits)
+    of = variants.variant("point-light")
+    return replace(grader, assignment=asked).judge(task, of, "point-light", False, program, "clock", **more)
+
+
+def test_fresh_samples_follow_until_they_decide(tmp_path) -> None:
+    """Each picture has the samples of the assignment, and a seed of its own; not all are kept."""
+    program = Noisy(lambda spp, number: 0.001 * spp, noise=4.0)
+    found = looked_at(tmp_path, program)
+    assert found.verdict is Outcome.PASS and found.looks > 3, found.reason
+    assert f"(after {found.looks} looks)" in found.reason
+    assert set(program.taken) == {1, 16, 64} and program.taken[64] == judge_module.FEW_IMAGES
+    assert program.taken[16] == PILOT_IMAGES + 64 * found.looks > len(program.pictures[16])
+    assert len(program.seeds) == len(set(program.seeds))
+
+
+def test_a_bias_that_one_look_does_not_show_fails_by_many_and_is_confirmed(tmp_path) -> None:
+    program = Noisy(lambda spp, number: 0.001 * spp, noise=3.0, bias=lambda number: 1.016)
+    found = looked_at(tmp_path, program)
+    assert found.verdict is Outcome.FAIL and not found.borderline
+    assert found.looks >= 3 and found.bias == pytest.approx(0.016, abs=0.006)
+
+
+def test_what_fresh_samples_do_not_confirm_is_no_fail(tmp_path) -> None:
+    """Here the pictures of the first look alone are biased."""
+    first = 1 + PILOT_IMAGES + 64
+    program = Noisy(lambda spp, number: 0.01, bias=lambda number: 1.03 if number < first else 1.0)
+    found = looked_at(tmp_path, program)
+    assert found.verdict is Outcome.PASS and found.borderline and found.looks == 2
+
+
+@pytest.mark.parametrize(("share", "looks"), [(60.0, 1), (200.0, 3), (math.inf, 5)])
+def test_further_looks_leave_their_time_to_other_scenes(tmp_path, share: float, looks: int) -> None:
+    """A look takes 26 s; half of what there is remains for confirming a FAIL."""
+    found = looked_at(tmp_path, Noisy(lambda spp, number: 0.4, noise=5.5), share=share)
+    assert (found.verdict, found.looks) == (Outcome.INCONCLUSIVE, looks), found.reason
 
 
 def test_time_that_ends_before_the_judged_pictures_leaves_it_open(tmp_path) -> None:

@@ -1,8 +1,9 @@
 """Verdicts and points for one submission.
 
-A FAIL by statistics counts only when a second look with fresh seeds confirms it: each has a chance of 1e-5 of
-being wrong, both together 1e-10. Where noise leaves it open, one more look takes four times the samples. What
-needs no statistics (no picture, a wrong size, seeds that change nothing) counts at once.
+Where noise leaves a verdict open, fresh samples follow until they decide or the time for them is over, at a
+level that holds however often one looks. A FAIL by statistics counts only when fresh samples, looked at anew,
+confirm it: each has a chance of 1e-5 of being wrong, both together 1e-10. What needs no statistics (no
+picture, a wrong size, seeds that change nothing) counts at once.
 """
 
 import hashlib
@@ -31,10 +32,11 @@ from raycheck.grading.program import OVER, Program, Tried, build, write_scene
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
 from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
 from raycheck.judging import checks
+from raycheck.judging.agenda import Task as ToJudge
 from raycheck.judging.cases import Case
 from raycheck.judging.judge_images import judge_pictures
-from raycheck.judging.settings import BATCHES, PILOT_IMAGES
-from raycheck.judging.verify import verify
+from raycheck.judging.repeated import Repeated, judge_until
+from raycheck.judging.settings import Settings
 from raycheck.renderers import builds
 from raycheck.renderers.manifest import MANIFEST
 from raycheck.scene import export, lecture
@@ -56,8 +58,6 @@ UNPROVEN = (
 )
 OPTION = "; --timeout SECONDS allows more"
 """What verify advises, and no student can do."""
-LOOK = 1 + PILOT_IMAGES + 2 * BATCHES
-"""Pictures of a look."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
 PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
 NOT_TRIED = {
@@ -66,7 +66,11 @@ NOT_TRIED = {
 }
 FEW_IMAGES = 8
 MORE = 4
-"""Times the samples of a look that noise makes necessary."""
+"""Times the samples, which show the same picture with a quarter of the noise."""
+FURTHER = 0.5
+"""Part of the time for further looks until one decides; the rest is for confirming it."""
+HOPELESS = 4.0
+"""Times the time there is: where it is said that so much would decide, no further look is begun."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,8 @@ class Grader:
             result = failed_everything(self.assignment, student, problem, jail.describe())
         else:
             with Decoder() as decoder:
-                attempt = Attempt(student, submission, command, digest, jail, place, decoder)
+                scenes = sum(map(len, self.scenes.values()))
+                attempt = Attempt(student, submission, command, digest, jail, place, decoder, scenes)
                 tasks = [
                     self._pictures(task, attempt)
                     if task.accepts == PICTURES and submission.pictures(task.id)
@@ -190,6 +195,8 @@ class Grader:
             return points.earned(self.assignment, task, [nothing])
         scenes: list[SceneResult] = []
         for number, (of, name, varies) in enumerate(self.scenes[task.id]):
+            share = attempt.jail.left() / attempt.waiting
+            attempt.waiting -= 1
             before = scenes[-1].verdict if varies else None
             if before is Outcome.FAIL or before is Outcome.SKIP:
                 scenes.append(SceneResult(name, True, before, NOT_TRIED[before]))
@@ -198,14 +205,17 @@ class Grader:
                 scenes.append(SceneResult(name, bool(varies), Outcome.INCONCLUSIVE, reason))
             else:
                 work = attempt.place / f"{task.id}-{number}".replace("/", "_")
-                scenes.append(self._scene(task, of, name, varies, attempt, work))
+                scenes.append(self._scene(task, of, name, varies, attempt, work, share))
         _doubt(scenes)
         return points.earned(self.assignment, task, scenes)
 
     def _scene(
-        self, task: Task, of: Variant, name: str, varies: Variant | None, attempt: "Attempt", work: Path
-    ) -> SceneResult:
-        """The program on one scene, in the new folder `work`."""
+        self, task: Task, of: Variant, name: str, varies: Variant | None, attempt: "Attempt", work: Path,
+        share: float,
+    ) -> SceneResult:  # fmt: skip
+        """The program on one scene, in the new folder `work`; `share` are the seconds that further looks may
+        take from other scenes.
+        """
         hidden = varies is not None
         (work / "scratch").mkdir(parents=True, mode=0o711)
         size = write_scene(of, name, work / "scene")
@@ -223,7 +233,7 @@ class Grader:
             )  # fmt: skip
             if hidden and not program.reads_scene:
                 return SceneResult(name, True, Outcome.INCONCLUSIVE, UNREADABLE)
-            found = self.judge(task, of, name, hidden, program, purpose)
+            found = self.judge(task, of, name, hidden, program, purpose, share)
             made = max(program.pictures.values(), key=len, default=[])
             found.pictures = _pictures(made, of, secret=hidden)
             if varies and found.verdict is Outcome.FAIL and made and self._stored(made, varies, of):
@@ -240,36 +250,40 @@ class Grader:
         return found
 
     def judge(
-        self, task: Task, of: Variant, name: str, hidden: bool, program: Tried, purpose: str
-    ) -> SceneResult:
-        """One scene of a task, by as many looks as it takes; `purpose` decides the seeds."""
+        self, task: Task, of: Variant, name: str, hidden: bool, program: Tried, purpose: str,
+        share: float = math.inf,
+    ) -> SceneResult:  # fmt: skip
+        """One scene of a task, by as many looks as it takes; `purpose` decides the seeds, and beyond `share`
+        seconds no further look is begun.
+        """
         started = time.perf_counter()
+        reference = references.load_reference(of)
+        truth, taken = truth_of(reference), set(reference.seeds)
 
-        def look(number: int, spp: int) -> Case:
-            seed = self.keys.number(f"{purpose}/look {number}", hidden)
-            label = of.label if of.canonical else of.path
-            return verify(
-                program, [label], seed=seed, spp=spp, jobs=1, limits=self.finds,
-                timeout=self.assignment.limits.picture_seconds, times=False,
-            ).cases[0]  # fmt: skip
+        def looked(what: str, share: float) -> Case:
+            """The verdict of looks with seeds of their own, the first whatever time is left."""
+            settings = Settings(
+                seed=self.keys.number(f"{purpose}/{what}", hidden), spp=task.spp, jobs=1, limits=self.finds,
+                timeout=self.assignment.limits.picture_seconds, clock=lambda: program.spent, times=False,
+            )  # fmt: skip
+            one = Repeated(ToJudge(of, "renderer", program, of.path), truth, taken, settings, steady=True)
+            case, ends = one.look(), min(program.limits.task_seconds, share)
+            if one.open and (case.more_seconds or math.inf) < HOPELESS * ends:
+                judge_until([one], ends, lambda _: None)
+            assert one.case
+            return one.case
 
-        cases, spp = [look(0, task.spp)], task.spp
-        open_ = cases[-1].verdict is Outcome.INCONCLUSIVE and cases[-1].more_samples and program.takes_spp
-        if open_ and program.has_time(spp, MORE * spp, LOOK):
-            more = look(1, MORE * spp)
-            if not more.late and (more.bias is not None or more.verdict is Outcome.FAIL):  # else too slow
-                cases.append(more)
-                spp = MORE * task.spp
-        if cases[-1].verdict is Outcome.FAIL and cases[-1].bias is not None:
-            cases.append(look(2, spp))
-        last = cases[-1]
+        tried = [looked("look 0", FURTHER * min(program.limits.task_seconds, share))]
+        if tried[0].verdict is Outcome.FAIL and tried[0].bias is not None:
+            tried.append(looked("confirmed", share))
+        last = tried[-1]
         enough = program.takes_spp and len(program.pictures.get(task.spp, ())) >= FEW_IMAGES
         if last.verdict is not Outcome.FAIL and enough:
             wrong = self._many_samples(task.spp, of, program, purpose)
             last = replace(last, verdict=Outcome.FAIL, reason=wrong) if wrong else last
-        found = _scene_result(name, hidden, last, len(cases))
+        found = _scene_result(name, hidden, last, sum(case.looks for case in tried))
         found.seconds = round(time.perf_counter() - started, 1)
-        found.borderline = last.verdict is not Outcome.FAIL and any(c.verdict is Outcome.FAIL for c in cases)
+        found.borderline = last.verdict is not Outcome.FAIL and len(tried) > 1
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
         if task.noise_points and last.verdict is not Outcome.FAIL and enough:
@@ -336,7 +350,7 @@ def _doubt(scenes: Sequence[SceneResult]) -> None:
         variants = []
 
 
-@dataclass(frozen=True)
+@dataclass
 class Attempt:
     """A submission that was built, with the places where it is tried."""
 
@@ -347,6 +361,8 @@ class Attempt:
     jail: Jail
     place: Path
     decoder: Decoder
+    waiting: int
+    """Scenes that were not tried yet."""
 
 
 def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:

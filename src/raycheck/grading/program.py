@@ -4,6 +4,7 @@ import shutil
 import tempfile
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -21,6 +22,8 @@ from raycheck.scene import document, export
 from raycheck.scene.reader import read_scene
 from raycheck.scene.variants import Variant
 
+KEPT = 256
+"""Pictures that are kept to be looked at together, so that long gradings need no more memory."""
 OVER = "the time for the whole grading was over"
 
 
@@ -47,7 +50,9 @@ class Taken:
     """The pictures of a program that were taken, and the time that they took."""
 
     pictures: dict[int, list[Array]] = field(default_factory=dict, kw_only=True)
-    """The pictures taken so far, by samples per pixel."""
+    """The first KEPT of the pictures taken so far, by samples per pixel."""
+    taken: Counter[int] = field(default_factory=Counter, kw_only=True)
+    """How many were taken, by samples per pixel."""
     times: dict[int, float] = field(default_factory=dict, kw_only=True)
     """Seconds that they took together, by samples per pixel."""
     lost: float = field(default=0.0, kw_only=True)
@@ -68,7 +73,7 @@ class Taken:
         """Whether so many pictures of `more` samples would keep the limits, at the mean pace of those of
         `spp`.
         """
-        each = self.times.get(spp, 0.0) / len(self.pictures.get(spp, [1])) * more / spp
+        each = self.times.get(spp, 0.0) / max(self.taken[spp], 1) * more / spp
         limits = self.limits
         return each < limits.picture_seconds and self.spent + each * pictures < limits.task_seconds
 
@@ -76,13 +81,16 @@ class Taken:
         """RenderTimeout where the task's time is over."""
         limit = self.limits.task_seconds
         if self.spent > limit:
-            done = sum(map(len, self.pictures.values()))
-            raise RenderTimeout(f"the {limit:.0f} s of the task were over after {done} pictures")
+            done = f"after {self.taken.total()} pictures"
+            raise RenderTimeout(f"the {limit:.0f} s of the task were over {done}")
 
     def take(self, spp: int, seconds: float, pixels: Array) -> None:
         with self.lock:
             self.times[spp] = self.times.get(spp, 0.0) + seconds
-            self.pictures.setdefault(spp, []).append(pixels)
+            self.taken[spp] += 1
+            kept = self.pictures.setdefault(spp, [])
+            if len(kept) < KEPT:
+                kept.append(pixels)
 
 
 class Tried(Renderer, Protocol):
@@ -90,6 +98,10 @@ class Tried(Renderer, Protocol):
 
     pictures: dict[int, list[Array]]
 
+    @property
+    def limits(self) -> Limits: ...
+    @property
+    def spent(self) -> float: ...
     def has_time(self, spp: int, more: int, pictures: int) -> bool: ...
 
 

@@ -30,7 +30,7 @@ class SceneResult:
     looks: int = 0
     """Sets of fresh seeds that were judged."""
     borderline: bool = False
-    """A FAIL that a second look did not confirm."""
+    """A FAIL that fresh samples did not confirm."""
     mistake: str = ""
     """The lecture's argument that is likely to help."""
     noise: dict[str, Any] | None = None

@@ -29,6 +29,7 @@ from raycheck.judging.settings import (
     PICTURES,
     PILOT_IMAGES,
     PILOT_SPP,
+    TIMED_NEAR,
     TIMING_SEEDS,
     TIMING_STEP,
     Settings,
@@ -61,7 +62,7 @@ class Survey:
     """The probe, of one sample, and the first picture of the pilot."""
     images: list[Array] = field(default_factory=list)
     """Of the pilot so far, (B, H, W, 3)."""
-    warm: float = math.inf
+    warm: float = math.nan
     """Seconds of the probe when it was made again: the first picture of all may have waited for a disk."""
     seconds: float = 0.0
     case: Case | None = None
@@ -77,15 +78,17 @@ class Survey:
 
     @property
     def times(self) -> dict[int, float]:
-        """Seconds of the pictures by samples per pixel; the faster of two of the same."""
+        """Seconds of the pictures by samples per pixel. Of two probes it is the second's, which waited for no
+        disk: the faster would be too fast.
+        """
         probe, pilot = (made.seconds for made in self.first)
-        spp, probe = self.renders.first_spp, min(probe, self.warm)
+        spp, probe = self.renders.first_spp, probe if math.isnan(self.warm) else self.warm
         first = {1: probe, spp: pilot} if spp > 1 else {1: min(probe, pilot)}
         return first | ({} if math.isnan(self.typical) else {spp: self.typical})
 
     def make_again(self) -> None:
         """The probe, for its time."""
-        if not self.case and self.renders.first_spp > 1 and math.isinf(self.warm):
+        if not self.case and self.renders.first_spp > 1 and math.isnan(self.warm):
             self.warm = self.renders.one(1, self.seeds[-1]).seconds
 
     def least(self, jobs: int, own: float, spp: int) -> float:
@@ -352,9 +355,10 @@ class Renders:
         for seed in seeds:
             most = max(times)
             hidden = most == PILOT_SPP and times[most] < SEEN * times[1]
-            if chosen.spp <= TIMING_STEP * most and not hidden:
+            if chosen.spp <= TIMED_NEAR * most and not hidden:
                 break
-            times[TIMING_STEP * most] = self.render(TIMING_STEP * most, [seed])[1][0].seconds
+            spp = TIMING_STEP * most if hidden else min(TIMING_STEP * most, chosen.spp)
+            times[spp] = self.render(spp, [seed])[1][0].seconds
             chosen = self._affordable(pilot, times, until)
         return chosen
 
@@ -387,7 +391,8 @@ def _judge_renders(surveyed: Survey, case: Callable[..., Case]) -> Case:
     """A pilot that plans, two sets of images; plain checks come before statistics."""
     renders, seeds, probe = surveyed.renders, surveyed.seeds, surveyed.first[0].image
     truth, settings = renders.truth, renders.settings
-    until = math.inf if settings.thorough else settings.clock() + FLUCTUATION * settings.case_seconds
+    begun, spent = settings.clock(), surveyed.seconds
+    until = math.inf if settings.thorough else begun + FLUCTUATION * settings.case_seconds
     fixed = not renders.task.renderer.takes_spp
     mistake = take_pilot(surveyed, case)
     if mistake:
@@ -415,7 +420,8 @@ def _judge_renders(surveyed: Survey, case: Callable[..., Case]) -> Case:
         raise renders.out_of_time()
     set_a, made_a = renders.render(spp or 1, seeds[1 + PILOT_IMAGES : second])
     set_b, made_b = renders.render(spp or 1, seeds[second : second + BATCHES])
-    rendering = settings.clock() - started
+    rendered = settings.clock()
+    rendering = rendered - started
     times[spp or 1] = median(m.seconds for m in (*made_a, *made_b))
     renders.check_seeds()
     both = np.concatenate([set_a, set_b])
@@ -431,12 +437,14 @@ def _judge_renders(surveyed: Survey, case: Callable[..., Case]) -> Case:
         found = renders.counted(found, both, pilot, spp, spp, smallest)
 
     def takes(more: float) -> float:
-        """Seconds of so many times the samples: the start-up stays as it is, where it is known."""
-        if fixed:
-            return rendering * more
-        if settings.times:
+        """Seconds of a case of so many times the samples: its start-ups stay as they are, where these are
+        known, and so does what comes before and after its sets.
+        """
+        beside = spent + started - begun + settings.clock() - rendered
+        if not fixed and settings.times:
             renders.time_more(times, seeds[-TIMING_SEEDS:-1], more * (spp or 1))
-        return rendering * pace(seen(times)).longer(spp or 1, more * (spp or 1))
+        longer = more if fixed else pace(seen(times)).longer(spp or 1, more * (spp or 1))
+        return beside + rendering * longer / FLUCTUATION
 
     found, sentence = conclude(
         found, regions, partial(renders.look, both), precision=probe.precision, takes=takes

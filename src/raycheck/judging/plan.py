@@ -125,7 +125,7 @@ def plan(
     steps = sorted({k << i for k in (2, 3) for i in range(24)} | {1})
     affordable = [1]
     for goals, most in wishes:
-        affordable = [spp for spp in steps if spp <= most] or [1]
+        affordable = sorted({*(spp for spp in steps if spp <= most), max(most, 1)})
         smallest = SMALLEST
         while smallest <= goals.coarsest:
             best = affordable[-1]

@@ -19,7 +19,7 @@ from raycheck.judging.cases import Case
 from raycheck.judging.conclusion import conclude, figures, measured
 from raycheck.judging.judge_renderer import Survey, ended, look_seeds, maker, pool_of, survey, take_pilot
 from raycheck.judging.settings import MOST_SPP, PICTURES, PILOT_IMAGES, PILOT_SPP, Settings
-from raycheck.judging.timetable import pace, sample_seconds, seen
+from raycheck.judging.timetable import FLUCTUATION, pace, sample_seconds, seen
 from raycheck.stats import verdict
 from raycheck.stats.evidence import Evidence
 from raycheck.stats.tiles import SMALLEST, Tile, means_of_sums, tile_sums
@@ -39,7 +39,9 @@ class Repeated:
     seconds: float = 0.0
     """That all looks took…"""
     rendering: float = 0.0
-    """…and the judged pictures of them."""
+    """…and the judged pictures of the last one…"""
+    own: float = 0.0
+    """…and judging them."""
     predicted: float = 0.0
     """Seconds of the next look."""
     case: Case | None = None
@@ -47,6 +49,10 @@ class Repeated:
     begun: Survey | None = None
     times: dict[int, float] = field(default_factory=dict)
     """Seconds of pictures by samples per pixel."""
+    steady: bool = False
+    """All looks take the samples per pixel of the settings."""
+    cut: bool = False
+    """A further look was not over in time: none is begun any more."""
     sets: list[tuple[Array, int]] = field(default_factory=list)
     """Sums of errors (B, rows, cols, 3) over the smallest squares, and the samples per pixel of the images:
     two a look.
@@ -61,15 +67,42 @@ class Repeated:
         if self.case is None:
             return True
         more = self.case.more_samples
-        return self.case.verdict is Outcome.INCONCLUSIVE and more is not None and bool(np.isfinite(more))
+        undecided = self.case.verdict is Outcome.INCONCLUSIVE and not self.cut
+        return undecided and more is not None and bool(np.isfinite(more))
 
     @property
     def spp(self) -> int | None:
         """Samples per pixel of the next look; None where the renderer chooses."""
         if not self.task.renderer.takes_spp:
             return None
-        total = sum(spp for _, spp in self.sets[::2])
-        return min(max(self.settings.spp or PILOT_SPP, total // 2), MOST_SPP)
+        return self._spp_after(self.samples)
+
+    @property
+    def samples(self) -> int:
+        """Samples per pixel of all looks so far."""
+        return sum(spp for _, spp in self.sets[::2])
+
+    def _spp_after(self, samples: int) -> int:
+        """Of the look that follows so many; 1 where the renderer chooses."""
+        if not self.task.renderer.takes_spp:
+            return 1
+        first = self.settings.spp or PILOT_SPP
+        return first if self.steady else min(max(first, samples // 2), MOST_SPP)
+
+    def _look_seconds(self, spp: int) -> float:
+        """That a further look takes."""
+        return self.own + self.rendering * pace(seen(self.times)).longer(self.sets[-1][1], spp)
+
+    def _takes(self, more: float, spent: float) -> float:
+        """Seconds of a run that gets to so many times the samples: the `spent` ones, and those of the looks
+        until then.
+        """
+        samples, seconds, needed = self.samples, 0.0, more * self.samples
+        while samples < needed:
+            spp = self._spp_after(samples)
+            seconds += self._look_seconds(spp)
+            samples += spp
+        return spent + seconds / FLUCTUATION
 
     def look(self) -> Case:
         """Take another look."""
@@ -79,16 +112,18 @@ class Repeated:
         with pool_of(settings.jobs) as pool:
             begun.renders.pool = pool
             known = begun.case or ended(lambda: take_pilot(begun, make), self.task, make)
-            looked = settings.clock()
-            case = known if known else ended(lambda: self._look(begun, make), self.task, make)
+            case = known if known else ended(lambda: self._look(begun, make, started), self.task, make)
         self.seconds += settings.clock() - started
+        late = case.late or (case.verdict is Outcome.INCONCLUSIVE and case.bias is None)
+        if self.case and late:
+            self.cut, case = True, replace(self.case, reason=f"{self.case.reason}; {case.reason}")
         if self.sets:
-            longer = pace(seen(self.times)).longer(self.sets[-1][1], self.spp or 1)
-            self.predicted = (settings.clock() - looked) * longer
+            self.predicted = self._look_seconds(self._spp_after(self.samples))
         self.case = replace(case, seconds=self.seconds)
         return self.case
 
-    def _look(self, begun: Survey, make: Callable[..., Case]) -> Case:
+    def _look(self, begun: Survey, make: Callable[..., Case], since: float) -> Case:
+        """`since` the clock said that."""
         assert begun.pilot
         renders, settings = begun.renders, self.settings
         looks, spp = len(self.sets) // 2 + 1, self.spp
@@ -97,7 +132,8 @@ class Repeated:
         self.taken.update(seeds)
         started, judged = settings.clock(), seeds[1 + PILOT_IMAGES :][:PICTURES]
         images, made = renders.render(spp or 1, judged)
-        self.rendering += settings.clock() - started
+        rendered = settings.clock()
+        self.rendering = rendered - started
         self.times = begun.times | self.times | {spp or 1: median(one.seconds for one in made)}
         renders.check_seeds()
         if looks == 1:
@@ -108,12 +144,9 @@ class Repeated:
         self.sets += [(tile_sums(half, SMALLEST)[0], spp or 1) for half in np.split(errors, 2)]
         found, regions = self._judged()
         if spp:
-            found = renders.counted(found, images, begun.pilot, spp, sum(n for _, n in self.sets[::2]))
-
-        def takes(more: float) -> float:
-            """Seconds of so many times the samples that all looks have so far."""
-            return self.rendering * pace(seen(self.times)).longer(spp or 1, more * (spp or 1))
-
+            found = renders.counted(found, images, begun.pilot, spp, self.samples)
+        self.own = settings.clock() - rendered
+        takes = partial(self._takes, spent=self.seconds + settings.clock() - since)
         found, sentence = conclude(
             found, regions, partial(renders.look, images), precision=begun.first[0].image.precision,
             takes=takes,

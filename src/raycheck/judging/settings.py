@@ -16,9 +16,10 @@ BATCHES = 32
 PILOT_IMAGES = 8
 PILOT_SPP = 16
 PICTURES = 2 * BATCHES
-TIMING_STEP, TIMING_SEEDS = 8, 5
-"""A plan for more than 8 times the samples that were timed is timed again nearer to it: a short render's
-time says little of a long one's. So many seeds are for times: the last for the probe's.
+TIMED_NEAR, TIMING_STEP, TIMING_SEEDS = 2, 8, 5
+"""A plan for more than twice the samples that were timed is timed again nearer to it, by at most 8 times as
+many: a short render's time says little of a long one's. So many seeds are for times: the last for the
+probe's.
 """
 QUICK_SECONDS = 90.0
 """Budget of a quick run over everything, and what no single case may exceed."""

@@ -355,7 +355,7 @@ class _Run:
     def _truth(self, task: Task) -> tuple[Truth, range]:
         if task.label not in self.truths:
             reference = references.load_reference(task.of)
-            self.truths[task.label] = truth_of(reference), _reference_seeds(reference)
+            self.truths[task.label] = truth_of(reference), reference.seeds
         return self.truths[task.label]
 
 
@@ -374,11 +374,6 @@ def _second_look(case: Case, task: Task, truth: Truth, taken: range, settings: S
     found = again.case or case
     seconds = case.seconds + again.seconds
     return replace(found, looks=1 + found.looks, fingerprint=case.fingerprint, seconds=seconds)
-
-
-def _reference_seeds(reference: references.Reference) -> range:
-    first, count = reference.entry["seeds"]
-    return range(int(first), int(first) + int(count))
 
 
 def _header(

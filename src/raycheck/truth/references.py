@@ -57,6 +57,12 @@ class Reference:
         version = self.entry.get("mitsuba_version")
         return f"Mitsuba {version}" if version else str(self.entry.get("renderer", "unknown"))
 
+    @property
+    def seeds(self) -> range:
+        """The seeds of its batches."""
+        first, count = self.entry["seeds"]
+        return range(int(first), int(first) + int(count))
+
     def best(self) -> tuple[Array, Array]:
         """Mean and its variance (H, W, 3 each): the exact values where they are known, else Mitsuba's."""
         if self.closed_form is None:

@@ -91,11 +91,11 @@ def _kind(reason: str) -> str:
 
 
 def borderline(results: Sequence[StudentResult]) -> Iterator[tuple[str, str, str]]:
-    """(student, task, why) of verdicts that are open, or that a second look turned."""
+    """(student, task, why) of verdicts that are open, or failures that fresh samples did not confirm."""
     for result in results:
         for task in result.tasks:
             for scene in task.scenes:
                 if scene.verdict is Outcome.INCONCLUSIVE:
                     yield result.student, task.id, scene.reason
                 elif scene.borderline:
-                    yield result.student, task.id, "the first look failed, a second with fresh seeds did not"
+                    yield result.student, task.id, "a difference was seen that fresh samples did not confirm"
