@@ -300,11 +300,14 @@ def test_a_picture_counts_where_hidden_variants_show_that_it_is_not_stored(
     found = [shown, first, second, RIGHT, RIGHT]
     grader = Grader(replace(asked, tasks=asked.tasks), Keys("a", b"s"), {"L1": rendered}, Tier.NONE)
 
-    def scene(self, task, of, name, varies, attempt, work: Path) -> SceneResult:
-        return replace(found[int(work.name.removeprefix("L1-"))], hidden=varies is not None)
+    def scene(self, task, of, name, varies, attempt, work: Path, share: float) -> SceneResult:
+        number = int(work.name.removeprefix("L1-"))
+        assert share == pytest.approx(1e6 / (5 - number), rel=1e-3), "what is left, shared by those that wait"
+        return replace(found[number], hidden=varies is not None)
 
     monkeypatch.setattr(Grader, "_scene", scene)
-    attempt = Attempt("a", Submission(tmp_path), "x", "", Jail(Tier.NONE, Limits()), tmp_path, None, 1)
+    jail = Jail(Tier.NONE, Limits(), ends=time.perf_counter() + 1e6)
+    attempt = Attempt("a", Submission(tmp_path), "x", "", jail, tmp_path, None, 5)
     task = grader._task(asked.tasks[0], attempt)
     share = 12 / 5
     assert task.points == pytest.approx(2 * share + sure / 2 * share, abs=1e-3)
@@ -429,7 +432,7 @@ def test_what_fresh_samples_do_not_confirm_is_no_fail(tmp_path) -> None:
 @pytest.mark.parametrize(("share", "looks"), [(60.0, 1), (200.0, 3), (math.inf, 5)])
 def test_further_looks_leave_their_time_to_other_scenes(tmp_path, share: float, looks: int) -> None:
     """A look takes 26 s; half of what there is remains for confirming a FAIL."""
-    found = looked_at(tmp_path, Noisy(lambda spp, number: 0.4, noise=5.5), share=share)
+    found = looked_at(tmp_path, Noisy(lambda spp, number: 0.4, noise=4.5), share=share)
     assert (found.verdict, found.looks) == (Outcome.INCONCLUSIVE, looks), found.reason
 
 
