@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ import pytest
 from raycheck.base.errors import NotFound
 from raycheck.judging import consistent
 from raycheck.judging import verify as verify_module
-from raycheck.judging.cases import Case
 from raycheck.judging.consistent import Sweep
 from raycheck.judging.settings import Settings
 from raycheck.scene.variants import variant
@@ -146,15 +144,6 @@ def test_wrong_words_are_one_line(words):
     )  # fmt: skip
     assert done.returncode == 2 and not done.stdout
     assert len(done.stderr.splitlines()) == 1 and "--consistent" in done.stderr
-
-
-def test_a_fail_says_that_a_bias_may_be_meant():
-    fail = Case("s", "renderer", Outcome.FAIL, "off", bias=0.03)
-    assert "--consistent PARAM=v1,v2,v3,v4 judges its limit" in verify_module.may_shrink(fail).reason
-    for other in (replace(fail, bias=0.5), replace(fail, bias=None), replace(fail, verdict=Outcome.PASS)):
-        assert verify_module.may_shrink(other) == other
-    once = verify_module.may_shrink(fail)
-    assert verify_module.may_shrink(once) == once, "a verdict of an earlier run"
 
 
 def test_the_command_may_be_a_manifests(tmp_path):

@@ -193,10 +193,11 @@ class TestVerdicts:
         beyond = (off > errors[:, None]).any(axis=2)
         assert 0.012 < beyond[:, 0].mean() < 0.028
         assert 0.012 < beyond[:, 1:].any(axis=1).mean() < 0.028
-        assert (off > errors[0])[:, 1:].any(axis=(1, 2)).mean() > 0.9, "were each tile allowed what the image is"
+        each = (off > errors[0])[:, 1:].any(axis=(1, 2))
+        assert each.mean() > 0.9, "were each tile allowed what the image is"
 
     def test_a_reference_that_is_off_in_one_of_many_tiles_never_fails(self, monkeypatch):
-        """A hundred looks show 5.9 standard errors of it, which one reference in some thousands has in a tile."""
+        """A hundred looks show 5.9 standard errors of it, as one in some thousands has in a tile."""
         of, off = expected(variance=1e-3**2), np.zeros((5, 3))
         off[2] = 5.9e-3
         monkeypatch.setattr(verdict, "_reference_errors", lambda _: np.full((5, 1), 5.0))

@@ -4,9 +4,14 @@ import re
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from test_verify import judged, noisy
 
+import raycheck
+from raycheck.base.images import Image
 from raycheck.judging import checks
+from raycheck.renderers.commands import Command
+from raycheck.renderers.renderer import Rendering
 from raycheck.scene.content import read_content
 from raycheck.scene.variants import scene_path
 from raycheck.stats.verdict import Outcome
@@ -87,3 +92,37 @@ def test_mitsuba_s_default_filter_is_wide(tmp_path):
     for wider in (text.replace('<rfilter type="box"/>', ""), text.replace('type="box"', 'type="tent"')):
         (tmp_path / "scene.xml").write_text(wider)
         assert read_content(tmp_path / "scene.xml").filtered
+
+
+class TestMayShrink:
+    """A FAIL that nothing explains says that its bias may be meant where samples are spread over pixels, and
+    nowhere else. A bias that changes from left to right is no known mistake.
+    """
+
+    def fail(self, width, size=0.06, command=True):
+        truth = truth_of(references.load_reference("point-light")).mean
+        ramp = 1 + 2 * size * np.linspace(0, 1, truth.shape[1])[:, None]
+
+        class Spread(Command):
+            def render(self, scene, spp, seed, timeout):
+                noise = np.random.default_rng(seed).standard_normal(truth.shape) * 0.4 / np.sqrt(spp)
+                smooth = ndimage.gaussian_filter(noise, (width, width, 0)) if width else noise
+                return Rendering(Image(truth * (ramp + smooth)), 0.01)
+
+        made = Spread.parse("mine {scene} {spp} {seed} {output}")
+        renderer = made if command else lambda scene, spp, seed: made.render(scene, spp, seed, 1).image.pixels
+        [case] = raycheck.verify(renderer, "point-light", spp=16).cases
+        assert case.verdict is Outcome.FAIL and case.bias is not None, case.reason
+        return case.reason
+
+    def test_where_noise_is_spread(self):
+        told = r"; the noise of neighbouring pixels goes together \(correlation 0\.[1-4]\d\), as where a "
+        assert re.search(told, self.fail(width=0.45))
+
+    def test_not_of_a_plain_mistake_nor_a_large_bias_nor_what_takes_no_parameter(self):
+        for reason in (
+            self.fail(width=0.0),
+            self.fail(width=0.45, size=0.2),
+            self.fail(width=0.45, command=False),
+        ):
+            assert "--consistent" not in reason

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from raycheck.scene.content import read_content
+from raycheck.scene.variants import scene_names
 from raycheck.truth.closed_forms.forms import FORMS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,7 +31,8 @@ def comment(path: Path) -> str:
 
 
 def test_the_ladder_names_every_scene_and_no_other() -> None:
-    assert set(LADDER) == {path.stem for path in SCENES}
+    """In the order in which all commands take them."""
+    assert list(LADDER) == scene_names() and set(LADDER) == {path.stem for path in SCENES}
     assert len(SCENES) >= 23
     assert next(iter(LADDER)) == "point-light"
 

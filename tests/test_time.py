@@ -152,6 +152,13 @@ def test_what_fits_is_told_first() -> None:
     assert "not enough for all" in result.header["left_out"]["touching-light"]
 
 
+def test_a_run_too_small_for_all_climbs_the_ladder() -> None:
+    one, plans = Simulated(start=0.5, sample=1e-3), []
+    result = judged(one, (), seconds=130, on_plan=plans.append)
+    assert plans[0].fits == ["point-light", "area-light", "checkerboard"]
+    assert [case.scene for case in result.cases][:3] == plans[0].fits
+
+
 def test_what_shows_a_bias_is_planned_and_its_time_is_told_first() -> None:
     """By the pilot of the verdict, which is rendered once."""
     one, told = Simulated(start=0.1, sample=2e-3), []

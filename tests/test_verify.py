@@ -19,13 +19,14 @@ import pytest
 import raycheck
 from raycheck.base.errors import NotFound, ReferenceError_, RenderError
 from raycheck.base.images import encode_srgb, load_image, write_exr, write_pfm, write_png
-from raycheck.judging import judge_renderer
+from raycheck.judging import judge_renderer, repeated
+from raycheck.judging import verify as verify_module
 from raycheck.judging.settings import PILOT_SPP
 from raycheck.renderers.commands import Command, split_command
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.scene.techniques import TECHNIQUES, applicable, technique
-from raycheck.stats.verdict import Outcome
+from raycheck.stats.verdict import ALPHA, Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
 
@@ -103,6 +104,31 @@ class TestVerdicts:
         [again] = raycheck.verify(render, [SCENE], thorough=True, earlier=[still_open]).cases
         assert again == still_open, "two looks are all, however often a run is resumed"
         assert judged(render, spp=quick.spp, thorough=True).looks == 1
+
+    @pytest.mark.parametrize(("more", "first"), [({}, 0.5), ({"spp": 16}, 1.0), ({"level": 1e-3}, 0.5)])
+    def test_the_looks_of_a_thorough_run_share_its_level(self, truth, monkeypatch, more, first):
+        """Half of it is for those that follow the first, whether any do or not."""
+        levels = []
+
+        class Spied(repeated.Repeated):
+            def __post_init__(self):
+                super().__post_init__()
+                levels.append(self.settings.alpha)
+
+            def look(self):
+                self.case = replace(open_, verdict=Outcome.PASS)
+                return self.case
+
+        def first_look(task, truth, taken, settings):
+            levels.append(settings.alpha)
+            return open_
+
+        open_ = replace(judged(noisy(truth)), verdict=Outcome.INCONCLUSIVE, more_samples=2.0)
+        monkeypatch.setattr(verify_module, "Repeated", Spied)
+        monkeypatch.setattr(verify_module, "judge_task", first_look)
+        judged(noisy(truth), **{"spp": None, "thorough": True} | more)
+        whole = more.get("level", ALPHA)
+        assert levels[0] == pytest.approx(first * whole) and sum(levels) == pytest.approx(whole)
 
     def test_noise_says_what_would_decide(self, truth):
         case = judged(noisy(truth, noise=20.0), spp=1)

@@ -58,6 +58,11 @@ class Task:
         return self.technique in marked or (self.technique == "renderer" and bool(marked))
 
     @property
+    def swept(self) -> bool:
+        """It is a command of which nothing is known, and may have a parameter that --consistent sweeps."""
+        return self.technique == "renderer" and isinstance(self.renderer, commands.Command)
+
+    @property
     def independent(self) -> bool:
         """The samples of a pixel are independent of each other; another renderer's are taken to be."""
         return self.technique == "renderer" or technique(self.technique).independent

@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from raycheck.base.arrays import Array
+from raycheck.base.arrays import Array, Flags
 from raycheck.base.images import Image, Window
 from raycheck.truth.expected import Truth
 
@@ -86,15 +86,9 @@ def seed_problem(digests: Sequence[str], labels: Sequence[str], reference_varies
 
 def shared_noise(images: Array, filtered: bool = False) -> str | None:
     """Seeds whose noise is alike, or neighbouring pixels, if no filter of the scene makes it so."""
-    grey = images.mean(axis=3)
-    deviation = grey.std(axis=0)
-    varies = deviation > 0
+    noise, varies = _noise(images)
     if varies.sum() < FEWEST_VARYING or len(images) < 8:
         return None
-    noise = np.clip((grey - grey.mean(axis=0)) / np.where(varies, deviation, 1.0), -RARE, RARE)
-    noise -= noise.mean(axis=0)
-    size = noise.std(axis=0)
-    noise = np.where(varies, noise / np.where(size > 0, size, 1.0), 0.0)
     of_seeds = np.tensordot(noise, noise, axes=([1, 2], [1, 2]))
     length = np.sqrt(of_seeds.diagonal())
     of_seeds /= np.maximum(np.outer(length, length), 1e-30)
@@ -107,16 +101,46 @@ def shared_noise(images: Array, filtered: bool = False) -> str | None:
         )
     if filtered:
         return None
-    for step, where in ((noise[:, :, 1:] * noise[:, :, :-1], "side by side"),
-                        (noise[:, 1:] * noise[:, :-1], "above each other")):  # fmt: skip
-        pairs = (varies[:, 1:] & varies[:, :-1]) if where == "side by side" else (varies[1:] & varies[:-1])
-        alike = float(step.mean(axis=0)[pairs].mean()) if pairs.sum() >= FEWEST_VARYING else 0.0
+    for where, alike in _neighbours(noise, varies).items():
         if alike > SHARED:
             return (
                 f"pixels {where} share noise (correlation {alike:.2f}): they use the same random numbers, or "
                 "a filter wider than the pixel, where the scene asks for a box"
             )
     return None
+
+
+def neighbours_noise(images: Array) -> float:
+    """Correlation of the noise of neighbouring pixels, side by side or above each other; 0 where it cannot be
+    known.
+    """
+    return max(_neighbours(*_noise(images)).values()) if len(images) >= 8 else 0.0
+
+
+def _noise(images: Array) -> tuple[Array, Flags]:
+    """(B, H, W) noise of mean 0 and deviation 1 in each pixel, without rare events, and (H, W) where there is
+    any.
+    """
+    grey = images.mean(axis=3)
+    deviation = grey.std(axis=0)
+    varies = deviation > 0
+    noise = np.clip((grey - grey.mean(axis=0)) / np.where(varies, deviation, 1.0), -RARE, RARE)
+    noise -= noise.mean(axis=0)
+    size = noise.std(axis=0)
+    return np.where(varies, noise / np.where(size > 0, size, 1.0), 0.0), varies
+
+
+def _neighbours(noise: Array, varies: Flags) -> dict[str, float]:
+    """The correlation of pixels, by where they are."""
+    found = {}
+    for where, one, other in (
+        ("side by side", np.s_[..., 1:], np.s_[..., :-1]),
+        ("above each other", np.s_[..., 1:, :], np.s_[..., :-1, :]),
+    ):
+        pairs = varies[one] & varies[other]
+        alike = (noise[one] * noise[other]).mean(axis=0)[pairs]
+        found[where] = float(alike.mean()) if pairs.sum() >= FEWEST_VARYING else 0.0
+    return found
 
 
 def stuck_noise(few: Array, spp: int, many: Array, more: int) -> str | None:

@@ -26,10 +26,11 @@ def template_name(of: Variant) -> str:
 
 def conclude(
     found: Judgement, regions: list[Tile], shown: Callable[[], Look], *, precision: str,
-    takes: Callable[[float], float] | None,
+    takes: Callable[[float], float] | None, alike: Callable[[], float] = lambda: 0.0,
 ) -> tuple[Judgement, str]:  # fmt: skip
     """The judgement as it stands with images of this precision, and its sentence: what `shown` explains,
-    where it FAILs. So many times the samples take as many seconds as `takes` says, if anybody knows.
+    where it FAILs, or that a bias may be meant, by how `alike` the noise of neighbouring pixels is. So many
+    times the samples take as many seconds as `takes` says, if anybody knows.
     """
     explained, lights = NOTHING, 1
     if found.outcome is Outcome.FAIL:
@@ -38,6 +39,8 @@ def conclude(
         if precision != "float" and not explained.convention:  # of coarse images gross mistakes alone
             explained = NOTHING
     sentence = sentences.reason(found, regions, takes, explained, lights)
+    if found.outcome is Outcome.FAIL and not explained:
+        sentence += sentences.may_shrink(found.bias, alike())
     if is_whole(precision) and found.outcome is Outcome.PASS:
         found = Judgement(**{**found.__dict__, "outcome": Outcome.INCONCLUSIVE})
         bits = precision.replace("-bit", " bits")

@@ -316,6 +316,10 @@ class Renders:
     def look(self, images: Array) -> Look:
         return look(template_name(self.task.of), images, self.truth, self.task.content.lights)
 
+    def alike(self, images: Array) -> float:
+        """How much noise neighbouring pixels have in common, of a program of which nothing is known."""
+        return checks.neighbours_noise(images) if self.task.swept and not self.task.content.filtered else 0.0
+
     def noise_problem(self, few: Array, both: Array, spp: int | None, pilot: Pilot) -> str | None:
         """What is wrong with the noise of both sets (B, H, W, 3) beside that of the pilot's `few` images."""
         if not self.task.independent:
@@ -447,8 +451,9 @@ def _judge_renders(surveyed: Survey, case: Callable[..., Case]) -> Case:
         return beside + rendering * longer / FLUCTUATION
 
     found, sentence = conclude(
-        found, regions, partial(renders.look, both), precision=probe.precision, takes=takes
-    )
+        found, regions, partial(renders.look, both), precision=probe.precision, takes=takes,
+        alike=partial(renders.alike, both),
+    )  # fmt: skip
     sentence += renders.capped(found, seeds[1 : 1 + PILOT_IMAGES])
     beside = measured([(residuals[:, 0], 1)], both, truth, spp or 1, sample_seconds(times))
     if found.outcome is Outcome.INCONCLUSIVE:

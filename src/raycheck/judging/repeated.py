@@ -149,7 +149,7 @@ class Repeated:
         takes = partial(self._takes, spent=self.seconds + settings.clock() - since)
         found, sentence = conclude(
             found, regions, partial(renders.look, images), precision=begun.first[0].image.precision,
-            takes=takes,
+            takes=takes, alike=partial(renders.alike, images),
         )  # fmt: skip
         sentence += sentences.may_be_the_reference(found) + renders.capped(found, judged[:PILOT_IMAGES])
         sentence += f" (after {looks} looks)" if looks > 1 else ""

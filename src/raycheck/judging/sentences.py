@@ -221,6 +221,23 @@ def may_be_the_reference(found: Judgement) -> str:
     )
 
 
+def may_shrink(bias: float, alike: float) -> str:
+    """The end of the sentence of a FAIL that nothing explains, where neighbouring pixels have noise in
+    common: what spreads samples over pixels is biased, and that bias may be meant to shrink.
+    """
+    if abs(bias) > SHRINKING or alike < SPREAD:
+        return ""
+    return (
+        f"; the noise of neighbouring pixels goes together (correlation {alike:.2f}), as where a photon map, "
+        "a filter or a denoiser spreads samples: of a bias that shrinks with a parameter of it "
+        "--consistent PARAM=v1,v2,v3,v4 judges the limit"
+    )
+
+
+SHRINKING, SPREAD = 0.1, 0.1
+"""Bias of an image that such a method may have on purpose; correlation of noise that chance does not give."""
+
+
 def left_out(cases: Mapping[str, str], how: str = "Left out") -> list[str]:
     """A sentence for each reason why cases ("scene, technique" or "scene") are not judged; places in images
     do not count as reasons of their own.

@@ -144,8 +144,7 @@ def verify(
         for of in {task.label: task.of for task in agenda.tasks}.values():
             references.require(of)
         settings = replace(settings, alpha=level_of_case(level, len(agenda.tasks)))
-        hint = isinstance(renderer, str | Path) and not sweep
-        run = _Run(agenda, settings, budget, on_case, on_plan, hint)
+        run = _Run(agenda, settings, budget, on_case, on_plan)
         if sweep:
             run.judge_limits(sweep, sweeps)
         elif detect is not None:
@@ -184,22 +183,6 @@ def level_of_case(level: float | None, cases: int) -> float:
     return each
 
 
-def may_shrink(case: Case) -> Case:
-    """The case of a command, with what a small bias may also be."""
-    small = case.bias is not None and abs(case.bias) < MAY_SHRINK
-    if case.verdict is not Outcome.FAIL or not small or case.reason.endswith(SHRINKS):
-        return case
-    return replace(case, reason=f"{case.reason}; {SHRINKS}")
-
-
-MAY_SHRINK = 0.1
-"""Bias of an image that filters and photon maps may have on purpose."""
-SHRINKS = (
-    "of a method that is only consistent (photon map, filter, denoiser) a bias that shrinks may be meant: "
-    "--consistent PARAM=v1,v2,v3,v4 judges its limit"
-)
-
-
 def _judge_pictures(
     named: Sequence[variants.Variant], scenes: int, images: str | Sequence[str | Path], more: bool,
     limits: Limits,
@@ -221,8 +204,6 @@ class _Run:
     budget: Budget
     on_case: Callable[[Case, int], None] | None
     on_plan: Callable[[Timetable], None] | None
-    hint: bool
-    """A small bias may be meant, by a program of which nothing is known."""
     cases: list[Case] = field(default_factory=list)
     truths: dict[str, tuple[Truth, range]] = field(default_factory=dict)
     """And the seeds of their references."""
@@ -234,9 +215,7 @@ class _Run:
         if math.isinf(self.budget.seconds):
             self._plan(Timetable(self.budget, self._names()))
             for task in self.agenda.tasks:
-                truth, taken = self._truth(task)
-                case = judge_task(task, truth, taken, self.settings)
-                self._add(_second_look(case, task, truth, taken, self.settings))
+                self._add(_thorough(task, *self._truth(task), self.settings))
             return
         waiting = list(self.agenda.tasks)
         chosen, longer, plan = self._survey(waiting)
@@ -347,7 +326,6 @@ class _Run:
             budget.own = max(budget.own, budget.clock() - one.renders.there[-1])
 
     def _add(self, case: Case) -> None:
-        case = may_shrink(case) if self.hint else case
         self.cases.append(case)
         if self.on_case:
             self.on_case(case, len(self.agenda.tasks))
@@ -359,16 +337,20 @@ class _Run:
         return self.truths[task.label]
 
 
-def _second_look(case: Case, task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
-    """A thorough run does what an INCONCLUSIVE case says would decide, where it has the time: further looks,
-    at fresh samples alone, until one decides. They double the chance of a wrong FAIL, however many they are.
+def _thorough(task: Task, truth: Truth, taken: range, settings: Settings) -> Case:
+    """The verdict of a run without a budget. A thorough one does what an INCONCLUSIVE case says would decide,
+    where it has the time: further looks, at fresh samples alone, until one decides. Half of the level is for
+    them, however many they are.
     """
-    planned = case.spp if settings.thorough and settings.spp is None else None
+    if not settings.thorough or settings.spp is not None:
+        return judge_task(task, truth, taken, settings)
+    half = replace(settings, alpha=settings.alpha / 2)
+    case = judge_task(task, truth, taken, half)
     more = case.more_samples if case.verdict is Outcome.INCONCLUSIVE and case.looks == 1 else None
-    if not (planned and more and case.seconds * more < THOROUGH_SECONDS):
+    if not (case.spp and more and case.seconds * more < THOROUGH_SECONDS):
         return case
     had = {*taken, *case_seeds(task.label, task.technique, settings.seed, taken)}
-    asked = replace(settings, spp=math.ceil(planned * more), look=1, earlier={})
+    asked = replace(half, spp=math.ceil(case.spp * more), look=1, earlier={})
     again = Repeated(task, truth, had, asked)
     judge_until([again], settings.clock() + THOROUGH_SECONDS, lambda _: None)
     found = again.case or case

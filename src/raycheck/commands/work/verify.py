@@ -102,10 +102,8 @@ def show_changes(before: Verification, now: Verification) -> None:
 def _chance(result: Verification, judged: Sequence[Case]) -> str:
     """Says how often a run like this of a renderer that is right has a FAIL, at most."""
     alpha, cases = float(result.header.get("alpha", ALPHA)), len(judged)
-    again = sum(case.looks > 1 for case in judged) if result.header.get("mode") == "thorough" else 0
     each = f"{cases} case{'s' if cases != 1 else ''} × {alpha:.2g}"
-    each += f", {again} looked at twice" if again else ""
-    return f"Chance of a wrong FAIL in such a run: at most {(cases + again) * alpha:.2g} ({each})."
+    return f"Chance of a wrong FAIL in such a run: at most {cases * alpha:.2g} ({each})."
 
 
 def _judged_against(cases: list[Case]) -> str:
