@@ -1,8 +1,10 @@
 """A bias that shrinks with a parameter: its limit is judged, and its order said. Seeds are fixed."""
 
+import json
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from raycheck.scene.variants import variant
 from raycheck.stats.tiles import Tile, whole
 from raycheck.stats.verdict import Expected, Limits, Outcome
 
+HERE = Path(__file__).resolve().parent
 REGIONS = [whole(16, 16), *(Tile(r, c, 8, 8) for r in (0, 8) for c in (0, 8))]
 SWEEP = Sweep.parse("radius=0.4,0.2,0.1,0.05")
 
@@ -129,21 +132,76 @@ def test_rounded_values_are_geometric():
     assert Sweep.parse("r=0.333,0.111,0.037,0.0123").h[0] == 0.333
 
 
+def verify(*words):
+    """Status, standard output and standard error of raycheck verify on point-light."""
+    command = [sys.executable, "-m", "raycheck", "verify", "point-light", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+RENDERER = f"{sys.executable} {HERE / 'shrinking_renderer.py'} {{output}} {{spp}} {{seed}} {{radius}}"
+VALUES = ("--consistent", "radius=.4,.2,.1,.05", "--spp", "1")
+
+
 @pytest.mark.parametrize(
-    "words",
+    ("options", "status", "order"), [(" order=1.5", 0, 1.5), (" limit=0.03", 1, 2.0)],
+    ids=["to what is right", "to another limit"],
+)  # fmt: skip
+def test_the_command_judges_the_limit(options, status, order, tmp_path):
+    """Of programs of which the finest radius alone would FAIL, by 1.1 % and 3.3 %."""
+    file = tmp_path / "found.json"
+    found = verify("--renderer", RENDERER + options, *VALUES, "--json", str(file))
+    assert (found[0], found[2]) == (status, ""), found
+    [case] = json.loads(file.read_text())["cases"]
+    assert case["order"] == pytest.approx(order, abs=0.1)
+    if status:
+        assert case["verdict"] == "FAIL" and case["bias"] == pytest.approx(0.03, abs=0.003)
+        assert re.search(r"off by \+(2|3)\.\d+ % in \w+ in the limit", found[1])
+    else:
+        assert case["verdict"] == "PASS" and abs(case["bias"]) < 0.003
+        assert "No bias in the limit" in found[1]
+    told = re.search(r"falls like radius\^([\d.]+) \(order ([\d.]+) … ([\d.]+)\)", " ".join(found[1].split()))
+    assert float(told[1]) == pytest.approx(order, abs=0.1)
+
+
+PLAIN = f"{sys.executable} {HERE / 'shrinking_renderer.py'} {{output}} {{spp}} {{seed}}"
+
+
+@pytest.mark.parametrize(("radius", "status"), [("0", 0), (".1", 1)], ids=["right", "1 % too bright"])
+def test_the_command_detects_what_it_says(radius, status, tmp_path):
+    """The samples and the time come first."""
+    file = tmp_path / "found.json"
+    found = verify("--renderer", f"{PLAIN} {radius}", "--detect", "0.5%", "--json", str(file))
+    assert (found[0], found[2]) == (status, ""), found
+    lines = found[1].splitlines()
+    assert lines[0] == "So that a bias of 0.50 % of the image is noticed with 90 % probability:"
+    assert lines[1].split() == ["scene", "technique", "spp", "time"]
+    [case] = json.loads(file.read_text())["cases"]
+    assert lines[2].split()[:3] == ["point-light", "renderer", str(case["spp"])]
+    assert re.fullmatch(r"About [\d.]+ s in all\.", lines[3])
+    assert case["verdict"] == ("FAIL" if status else "PASS")
+    if not status:
+        assert case["mde_image"] <= 0.005
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
     [
-        ["--consistent", "r=8,4,2,1"],
-        ["--consistent", "r=8,4,2,1", "--renderer", "x {r} {output}", "--until", "9"],
-        ["--consistent", "r=8,4", "--renderer", "x {r} {output}"],
+        (["--consistent", "r=8,4,2,1"], "--consistent sweeps a parameter of a command: name the --renderer"),
+        (["--consistent", "r=8,4,2,1", "--renderer", "x {r} {output}", "--until", "9"], "not with --until"),
+        (["--consistent", "r=8,4", "--renderer", "x {r} {output}"], "at least 4 values"),
+        (["--consistent", "r=8,4,2,1", "--renderer", "x {output}"], "has no {r}"),
+        (["--consistent", "r=8,4,2,1", "--renderer", "x {r} {q} {output}"], "{q}"),
+        (["--detect", "half", "--renderer", "x {output}"], "a percentage of the image is wanted"),
+        (["--detect", "0.01%", "--renderer", "x {output}"], "above 0.05%"),
+        (["--detect", "0.5%", "--spp", "4", "--renderer", "x {output}"], "--detect says how many samples"),
+        (["--detect", "0.5%", "--renderer", "x {output}"], "takes no {spp}"),
     ],
-)
-def test_wrong_words_are_one_line(words):
-    done = subprocess.run(
-        [sys.executable, "-m", "raycheck", "verify", "point-light", *words],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2 and not done.stdout
-    assert len(done.stderr.splitlines()) == 1 and "--consistent" in done.stderr
+)  # fmt: skip
+def test_wrong_words_are_one_line(words, told):
+    status, out, said = verify(*words)
+    assert status == 2 and not out
+    assert len(said.splitlines()) == 1 and told in said
 
 
 def test_the_command_may_be_a_manifests(tmp_path):
