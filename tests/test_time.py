@@ -12,7 +12,7 @@ import pytest
 from simulated import Simulated
 
 import raycheck
-from raycheck.base.errors import NotFound
+from raycheck.base.errors import CannotRender, NotFound
 from raycheck.base.text import duration, times
 from raycheck.stats.verdict import Outcome
 
@@ -59,6 +59,36 @@ def test_what_would_decide_does_and_half_of_it_does_not() -> None:
         assert taken[1.0][0] is Outcome.PASS, (number, case.reason)
         assert case.more_seconds / 2 < taken[1.0][1] < 2 * case.more_seconds, (number, case.reason, taken)
     assert undecided >= 6
+
+
+def test_the_seconds_that_are_said_decide() -> None:
+    """Nearly always when they are given to --seconds, and without much to spare."""
+    decided, shares = [], []
+    for number in range(20):
+        try:
+            [case] = judged(drawn(number), seconds=seconds_of(number)).cases
+        except NotFound:
+            continue
+        if case.verdict is Outcome.INCONCLUSIVE and case.spp:
+            one = drawn(number)
+            [again] = judged(one, seconds=case.more_seconds, seed=7).cases
+            decided.append(again.verdict is Outcome.PASS)
+            shares.append(one.now / case.more_seconds)
+    assert len(decided) >= 6 and sum(decided) >= len(decided) - 1, decided
+    assert np.median(shares) > 0.6, shares
+
+
+def test_the_seconds_that_are_said_after_looks_decide() -> None:
+    """Given to --until, all that a run takes is in them, and that samples come in looks."""
+    for noise in (20.0, 60.0):
+        [case] = judged(Simulated(start=0.2, sample=2e-3, noise=noise), until=1e-3).cases
+        assert case.verdict is Outcome.INCONCLUSIVE
+        one, longer = (Simulated(start=0.2, sample=2e-3, noise=noise) for _ in range(2))
+        [again] = judged(one, until=case.more_seconds).cases
+        assert again.verdict is Outcome.PASS and again.looks > 1
+        assert one.now > case.more_seconds / 2
+        [short] = judged(longer, until=case.more_seconds / 3).cases
+        assert short.verdict is Outcome.INCONCLUSIVE
 
 
 def test_seconds_hold() -> None:
@@ -152,9 +182,23 @@ def test_what_fits_is_told_first() -> None:
     assert "not enough for all" in result.header["left_out"]["touching-light"]
 
 
+def test_what_is_decided_already_counts_among_what_fits() -> None:
+    class Flat(Simulated):
+        def render(self, scene, spp, seed, timeout):
+            if scene.stem == "furnace":
+                raise CannotRender("unsupported: balls")
+            return super().render(scene, spp, seed, timeout)
+
+    plans, one = [], Flat(start=0.5, sample=1e-3)
+    scenes = ["furnace", "area-light", "point-light", "checkerboard"]
+    judged(one, scenes, seconds=110, on_plan=lambda plan: plans.append(str(plan)))
+    told = "110 s are enough for 3 of 4 cases: area-light, point-light, and 1 decided already. --seconds "
+    assert plans[0].startswith(told)
+
+
 def test_a_run_too_small_for_all_climbs_the_ladder() -> None:
     one, plans = Simulated(start=0.5, sample=1e-3), []
-    result = judged(one, (), seconds=130, on_plan=plans.append)
+    result = judged(one, (), seconds=170, on_plan=plans.append)
     assert plans[0].fits == ["point-light", "area-light", "checkerboard"]
     assert [case.scene for case in result.cases][:3] == plans[0].fits
 

@@ -200,9 +200,10 @@ class Timetable:
         fit = len(self.fits) + self.decided
         if fit < self.count:
             need = _rounded_up(self.all_seconds)
+            known = f", and {self.decided} decided already" if self.decided else ""
             return (
-                f"{duration(self.budget.seconds)} are enough for {fit} of {self.count} {cases}: {scenes}. "
-                f"--seconds {need} would do for all ({duration(need)})."
+                f"{duration(self.budget.seconds)} are enough for {fit} of {self.count} {cases}: {scenes}"
+                f"{known}. --seconds {need} would do for all ({duration(need)})."
             )
         if self.planned > LONG:
             return f"{self.count} {cases}, in at most {duration(self.budget.left)}."
