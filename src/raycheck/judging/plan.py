@@ -136,6 +136,17 @@ def plan(
     return Plan(affordable[-1], SMALLEST)
 
 
+GOOD_LUCK = 2.5
+"""Standard errors that chance may take any region from the reference, where a PASS is to be sure."""
+UNLUCKY = 0.2
+"""Chance that it takes one too far, where a PASS is probable."""
+
+
+def _unlucky(luck: Array, freedom: float) -> float:
+    """The chance that any region is further off than so many standard errors (R, 3), by its worst channel."""
+    return float((2 * special.stdtr(freedom, -luck.min(axis=1))).sum())
+
+
 MOST_MORE = 1e5
 FINER = 1.15
 """Steps of how many times the samples."""
@@ -168,15 +179,17 @@ def reached(
         return False
     expected = truth.expected(regions, spp)
     scale = np.where(expected.yardstick > 0, expected.yardstick, np.inf)
-    spare, luck = (1.2, 2.5) if sure else (1.0, 1.5)
+    spare = 1.2 if sure else 1.0
     own = spare * region_variances(pilot.sample_variance, regions) / (spp * batches)
     one_set = np.sqrt(own + expected.variance) / scale
     both_sets = np.sqrt(own / 2 + expected.variance) / scale
     freedom = st.FREEDOM_SHARE * (batches - 1)
 
     tail = (1 - CONFIDENCE) / 2 / one_set.size
-    needed = (-special.stdtrit(2 * freedom, tail) + luck) * both_sets
-    if needed[0].max() > limits.image or needed[1:].max(initial=0.0) > limits.tile:
+    limit = np.full((len(regions), 1), limits.tile)
+    limit[0] = limits.image
+    luck = limit / np.maximum(both_sets, 1e-300) + special.stdtrit(2 * freedom, tail)
+    if luck.min() < GOOD_LUCK if sure else _unlucky(luck, 2 * freedom) > UNLUCKY:
         return False
     level_image = SHARE_IMAGE * alpha / 3
     level_tile = SHARE_TILES * alpha / max(one_set[1:].size, 1)
