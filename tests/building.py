@@ -34,3 +34,9 @@ def kernels(oneray: Path) -> list[tuple[str, int]]:
     line = next(line for line in text.splitlines() if line.startswith("kernels that run here:"))
     found = re.findall(r"(double|single) x ([\d, ]+)", line)
     return [(precision, int(lanes)) for precision, widths in found for lanes in widths.split(", ")]
+
+
+def cpu_seconds(pid: int) -> float:
+    """The processor time that a running process has had, which a busy machine does not lengthen."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")

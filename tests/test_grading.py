@@ -521,7 +521,7 @@ cp picture.pfm "$1"
 """,
     )
     program = Program(
-        Jail(Tier.NONE, Limits(picture_seconds=1.0)), tmp_path / "mine", "sh render.sh {output}",
+        Jail(Tier.NONE, Limits(picture_seconds=2.5)), tmp_path / "mine", "sh render.sh {output}",
         tmp_path / "scene", "a", (4, 4), "L1", tmp_path / "scratch", decoder,
     )  # fmt: skip
 
@@ -535,7 +535,7 @@ cp picture.pfm "$1"
         return len(hangs.split()) - len((tmp_path / "mine/hangs").read_text().split())
 
     assert [render("yes no"), render("no no"), render("yes no"), render("yes yes")] == [-1, 1, 2, -2]
-    assert program.lost == pytest.approx(3 * 1.0) and program.spent > program.lost
+    assert program.lost == pytest.approx(3 * 2.5) and program.spent > program.lost
 
 
 def test_a_hidden_scene_s_reference_is_as_fine_as_the_assignment_asks(tmp_path, oneray, monkeypatch) -> None:

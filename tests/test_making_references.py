@@ -146,9 +146,9 @@ def test_the_time_told_counts_from_the_start() -> None:
     began = time.perf_counter() - 10
     plan = making.make_plan(renderer, SMALL, began=began)
     before = 10 + (17 * 4 + 2 * 256) * 1e-4
-    assert before < plan.spent < before + 2
+    assert before < plan.spent < before + 8
     assert plan.total == plan.spent + plan.seconds
-    assert making.make_plan(renderer, SMALL).spent < 2
+    assert making.make_plan(renderer, SMALL).spent < 8
 
 
 def test_the_time_that_it_may_take_counts_from_the_start() -> None:

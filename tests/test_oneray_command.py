@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import re
+import resource
 import shlex
 import shutil
 import signal
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from building import ROOT, build
+from building import ROOT, build, cpu_seconds
 from disks import on_a_full_disk
 
 BOX = ROOT / "scenes/cornell-box.xml"
@@ -121,10 +122,12 @@ def test_stats(oneray: Path, tmp_path: Path) -> None:
 
 def test_time_budget(oneray: Path) -> None:
     """--time renders for about as long, and says how many samples that gave; at least one."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     done = run(oneray, BOX, "--time", "1", "--stats", "-")
     stats = json.loads(done.stdout)
     assert stats["spp"] > 1
-    assert 0.3 < stats["seconds"]["render"] < 2
+    worked = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+    assert stats["seconds"]["render"] > 0.3 and worked < 2, "no longer, however busy the machine is"
     assert json.loads(run(oneray, BOX, "--time", "0.000001", "--stats", "-").stdout)["spp"] == 1
 
 
@@ -143,7 +146,8 @@ def test_a_signal_leaves_no_half_file(oneray: Path, tmp_path: Path, number: sign
 
     command = [oneray, BOX, "-o", tmp_path / "out.exr", "--spp", "1000000"]
     process = subprocess.Popen(command, preexec_fn=heed)
-    time.sleep(0.3)
+    while process.poll() is None and cpu_seconds(process.pid) < 0.1:
+        time.sleep(0.01)
     process.send_signal(number)
     assert process.wait(10) == -number
     assert [path.name for path in tmp_path.iterdir()] == ["out.exr"]
@@ -152,7 +156,6 @@ def test_a_signal_leaves_no_half_file(oneray: Path, tmp_path: Path, number: sign
 
 def test_full_disk(oneray: Path, tmp_path: Path) -> None:
     """A file that cannot be finished is an error, and gone."""
-    import resource
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -179,7 +182,7 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
     assert "No such file or directory" in line
     assert "a folder" in refusal(oneray, BOX, "--stats", tmp_path)
     assert "a device" in refusal(oneray, BOX, "--stats", "/dev/null")
-    assert time.monotonic() - start < 5
+    assert time.monotonic() - start < 30
 
 
 @pytest.mark.parametrize(

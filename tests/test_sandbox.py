@@ -214,7 +214,7 @@ def test_a_jail_that_is_ended_while_it_is_made_is_dead(tmp_path, tier) -> None:
     for number in range(40):
         started = time.perf_counter()
         done = jail.run(["sleep", "61"], seconds=0.005 + 0.0005 * number, folder=Path("/usr"), writable=False)
-        assert done.late and time.perf_counter() - started < 5 and not alive("sleep 61", jail.user)
+        assert done.late and time.perf_counter() - started < 30 and not alive("sleep 61", jail.user)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="grading needs Linux")

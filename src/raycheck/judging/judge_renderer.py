@@ -447,7 +447,9 @@ def _judge_renders(surveyed: Survey, case: Callable[..., Case]) -> Case:
         beside = spent + started - begun + settings.clock() - rendered
         if not fixed and settings.times:
             renders.time_more(times, seeds[-TIMING_SEEDS:-1], more * (spp or 1))
-        longer = more if fixed else pace(seen(times)).longer(spp or 1, more * (spp or 1))
+        told = pace(seen(times))
+        samples = max(more * (spp or 1), FEWEST_SPP, told.affordable(0.0))  # a planned case has no fewer
+        longer = more if fixed else told.longer(spp or 1, samples)
         return beside + rendering * longer / FLUCTUATION
 
     found, sentence = conclude(
