@@ -25,7 +25,8 @@ static const struct {
     [AS_EMISSION] = {"<rgb>, <spectrum>, <float> or <integer>", 3},
     [AS_REFLECTANCE] = {"<rgb>, <spectrum>, <float>, <integer>, <texture> or <ref>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
     [AS_INTEGER] = {"<integer>", 0}, [AS_BOOLEAN] = {"<boolean>", 0}, [AS_STRING] = {"<string>", 0},
-    [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0}};
+    [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0},
+    [AS_ANYTHING] = {"<float>, <integer>, <boolean> or <string>", 0}};
 
 static bool gives(const Node *node, FieldKind kind) { return is_among(node, kinds[kind].elements); }
 
@@ -291,6 +292,11 @@ static void add_interval(const double from[2], const double to[2], bool lit, dou
 static void parse_spectrum(const Node *node, const char *text, FieldKind kind, double rgb[3])
 {
     double last[2] = {0, 0}, xyz[3] = {1, 1, 1};
+    if (!strchr(text, ':') && count_numbers(text) == 3) {
+        note(node, "three numbers in <spectrum> are read as <rgb>, as by Mitsuba 0: Mitsuba 3 refuses them");
+        parse_numbers(node, text, rgb);
+        return;
+    }
     if (!strchr(text, ':')) {
         double all = parse_number(node, text, strlen(text));
         xyz_to_rgb(xyz, rgb);
@@ -384,6 +390,7 @@ static void read_value(const Node *node, const Field *field, const char *text, v
     case AS_STRING: *(const char **)to = text; break;
     case AS_WORD: *(int *)to = parse_word(node, field, text); break;
     case AS_TRANSFORM: *(Affine *)to = parse_transform(node); break;
+    case AS_ANYTHING: break;
     case AS_FILE: ((File *)to)->name = find_file(node->scene, text); break;
     }
     if (field->range && field->kind == AS_INTEGER)
@@ -392,7 +399,7 @@ static void read_value(const Node *node, const Field *field, const char *text, v
         check_range(node, field, ((double *)to)[i]);
     bool left_out = field->offset == LEFT_OUT || (field->offset == NOWHERE && *(int *)to != 0);
     if (left_out && attribute(node, "name"))
-        note(node, "\"%s\" = \"%.80s\" is left out: it changes no mean of a pixel", field->name, text);
+        note(node, "\"%s\" = \"%.80s\" is left out: it changes no mean of a pixel", attribute(node, "name"), text);
 }
 
 static void read_default(const Node *node, const Field *field, void *plugin)
@@ -434,7 +441,7 @@ static const Field *find_field(const Node *child, const Field *fields, const cha
         fail(child, "%s in %s lacks the attribute \"name\": which property it is (%s)", describe(child),
             describe(child->parent), taken(fields, objects));
     for (const Field *field = fields; field->name; field++)
-        if (strcmp(field->name, name) == 0)
+        if (strcmp(field->name, name) == 0 || field->kind == AS_ANYTHING)
             return field;
     fail(child, "%s has no property \"%.80s\" (%s)", describe(child->parent), name, taken(fields, objects));
 }
@@ -457,7 +464,7 @@ static void read_child(void *reading)
     if (!field)
         return;
     Place *place = &r->said->place[field - r->fields];
-    if (place->line)
+    if (place->line && field->kind != AS_ANYTHING)
         fail(child, "\"%s\" is given twice, first in line %d", field->name, place->line);
     *place = (Place){child->file, child->line};
     if (!gives(child, field->kind))
