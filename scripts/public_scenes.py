@@ -5,8 +5,9 @@
 LIST has a line for each file, its repository and its path with a tab between; the files are in FOLDER, as
 OWNER+NAME/PATH. `oneray --check` reads each as it is. What has no errors is rendered by oneray and by Mitsuba
 (pip install mitsuba) from one copy with a small film of box-filtered pixels, and `raycheck compare` judges the
-two, with more samples until it would see a bias of 1 % of the image, or the time for a file is up. Files that
-are in the JSON file already are not rendered again. Exit status 1 if a picture differs.
+two, with more samples until it would see a bias of 1 % of the image, or the time for a file is up. What the
+JSON file has a verdict of is not rendered again, but for what is UNDECIDED. Exit status 1 if a picture
+differs.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import re
 import resource
 import subprocess
 import sys
@@ -39,13 +41,15 @@ from raycheck.scene.variants import Variant
 from raycheck.stats.verdict import Outcome
 from raycheck.truth.mitsuba import choose_variant
 
-PIXELS = 48 * 36
+PIXELS = 24 * 24
 """About so many has a small film."""
 BATCHES = 16
 DETECTABLE = 0.01
 """A PASS is one where a bias of this share of the image would be seen."""
 KINDS = ("materials", "textures", "environment", "media", "missing files", "other")
 TAGS = {"bsdf": "materials", "texture": "textures", "medium": "media", "volume": "media", "phase": "media"}
+MITSUBAS = ("path", "direct", "volpath", "volpathmis", "prb", "prbvolpath")
+"""Integrators that it has, whose properties it knows."""
 SKIES = ("envmap", "sunsky", "sky", "sun")
 
 
@@ -107,27 +111,35 @@ def small(path: Path, to: Path) -> None:
     document.write(document.read(path).moved(lambda file: str(file.resolve())), to)
     root = document.read(to).resolved()
     outer = root.find("integrator")
+    inner = document.integrator(outer)
     if outer is not None:
-        root.insert(list(root).index(outer), inner := document.integrator(outer) or outer)
         root.remove(outer)
-        if inner.get("type") not in ("path", "direct", "volpath", "volpathmis", "prb", "prbvolpath"):
-            inner.set("type", "path")
-            for child in [c for c in inner if c.get("name") not in ("max_depth", "rr_depth", "hide_emitters")]:
-                inner.remove(child)
-    else:
-        root.insert(0, Element("integrator", type="path"))
-    films = {element.get("id"): element for element in root.iter("film")}
+    if inner is None or inner.get("type") not in MITSUBAS:
+        said = () if inner is None else inner
+        inner = Element("integrator", type="path")
+        inner.extend(c for c in said if c.get("name") in ("max_depth", "rr_depth", "hide_emitters"))
+    for child in inner.findall("./*[@name='strict_normals']"):
+        inner.remove(child)
+    root.insert(0, inner)
+    for spectrum in root.iter("spectrum"):
+        if ":" not in spectrum.get("value", ":") and len(re.findall(r"[^ ,]+", spectrum.attrib["value"])) == 3:
+            spectrum.tag = "rgb"
+    films = {element.get("id"): element for element in root.iter("film") if "id" in element.attrib}
+    samplers = [element.get("id") for element in root.iter("sampler") if "id" in element.attrib]
     for sensor in root.iter("sensor"):
-        said = [child for child in sensor if child.tag == "film" or child.get("id") in films]
-        film = films.get(said[0].get("id"), said[0]) if said else None
-        for child in [*said, *sensor.findall("sampler")]:
+        film = None
+        for child in list(sensor):
+            if child.tag == "film" or (child.tag == "ref" and child.get("id") in films):
+                film = films.get(child.get("id"), child)
+            elif child.tag != "sampler" and not (child.tag == "ref" and child.get("id") in samplers):
+                continue
             sensor.remove(child)
         sensor.append(small_film(film))
     document.write(root, to)
 
 
 def small_film(film: Element | None) -> Element:
-    """Of the same shape, with few pixels."""
+    """Of about the same shape, with few pixels, in whole tiles of 8 by 8."""
     sides = {"width": 768, "height": 576}
     for child in film if film is not None else ():
         if child.get("name") in sides:
@@ -135,7 +147,7 @@ def small_film(film: Element | None) -> Element:
     factor = min(1.0, math.sqrt(PIXELS / (sides["width"] * sides["height"])))
     made = Element("film", type="hdrfilm")
     for name, side in sides.items():
-        made.append(Element("integer", name=name, value=str(max(1, round(side * factor)))))
+        made.append(Element("integer", name=name, value=str(8 * max(1, round(side * factor / 8)))))
     made.append(Element("string", name="pixel_format", value="rgb"))
     made.append(Element("rfilter", type="box"))
     return made
@@ -152,9 +164,9 @@ def judge(path: Path, variant: str, seconds: float) -> dict[str, Any]:
         found: Comparison | None = None
         try:
             mitsuba.open()
-            spp = 16
+            spp = 64
             while found is None or time.monotonic() - start < seconds:
-                batches += [mitsuba.render(spp, len(batches) + k + 1).image for k in range(BATCHES)]
+                batches += [mitsuba.render(spp, len(batches) + k + 1).image for k in range(len(batches) or BATCHES)]
                 mean = np.mean(batches, axis=0)
                 error = np.std(batches, axis=0, ddof=1) / math.sqrt(len(batches))
                 planes = {c: mean[..., i] for i, c in enumerate("RGB")}
@@ -220,7 +232,7 @@ def main() -> int:
         path = options.folder / repository.replace("/", "+") / name
         before = kept.get((repository, name), {})
         result = {"repository": repository, "path": name} | check(path, options.seconds)
-        if not result["errors"] and "verdict" in before:
+        if not result["errors"] and before.get("verdict", "UNDECIDED") != "UNDECIDED":
             result |= {key: before[key] for key in before if key not in result}
         elif not result["errors"] and not options.check:
             try:

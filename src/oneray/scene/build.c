@@ -100,22 +100,28 @@ static Node *meant_by(const Builder *builder, Node *node, const char *elements)
     if (!found)
         fail(node, "<ref id=\"%.80s\"/>: nothing has this id", id);
     if (!is_among(found, elements))
-        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and only a %s can be referred to", id, found->tag, elements);
+        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and here only %s can be referred to", id, found->tag, elements);
     return found;
 }
 
-/* The only child that is of this tag, or a <ref> to what is; NULL: there is none. */
+/* The first of these elements that is of this tag, or a <ref> to what is; NULL: there is none. */
+static Node *first_part(const Builder *builder, Node *elements, const char *tag)
+{
+    for (Node *one = elements; one; one = one->next) {
+        const Node *meant = strcmp(one->tag, "ref") ? one : one->wrong ? NULL : find_id(builder->file, attribute(one, "id"));
+        if (meant && strcmp(meant->tag, tag) == 0)
+            return one;
+    }
+    return NULL;
+}
+
+/* The only child of that kind. */
 static Node *only_part(const Builder *builder, const Node *node, const char *tag)
 {
-    Node *part = NULL;
-    for (Node *child = node->first; child; child = child->next) {
-        const Node *meant = strcmp(child->tag, "ref") ? child : child->wrong ? NULL : find_id(builder->file, attribute(child, "id"));
-        if (!meant || strcmp(meant->tag, tag) != 0)
-            continue;
-        if (part)
-            fail(child, "a second %s in <%s>, the first is in line %d", tag, node->tag, part->line);
-        part = child;
-    }
+    Node *part = first_part(builder, node->first, tag);
+    const Node *second = part ? first_part(builder, part->next, tag) : NULL;
+    if (second)
+        fail(second, "a second <%s> in <%s>, the first is in line %d", tag, node->tag, part->line);
     return part;
 }
 
@@ -332,7 +338,7 @@ static void read_sides(Builder *builder, Node *node)
         const Node *material = read_bsdf(builder, bsdf);
         shape->front = material->front;
         shape->back = material->back;
-    } else if (!only_part(builder, node, "emitter")) {
+    } else if (!first_part(builder, node->first, "emitter")) {
         if (builder->default_material == MATERIAL_NONE) {
             Material grey = {.kind = MATERIAL_DIFFUSE, .file = node->file, .line = node->line, .as.diffuse = {{{.5, .5, .5}, {.5, .5, .5}, 0, NULL}}};
             builder->default_material = add_material(builder->description, grey);
