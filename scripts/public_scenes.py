@@ -4,9 +4,9 @@
 
 LIST has a line for each file, its repository and its path with a tab between; the files are in FOLDER, as
 OWNER+NAME/PATH. `oneray --check` reads each as it is. What has no errors is rendered by oneray and by Mitsuba
-(pip install mitsuba) from one copy with a small film of box-filtered pixels, and `raycheck compare` judges the
-two, with more samples until it would see a bias of 1 % of the image, or the time for a file is up. What the
-JSON file has a verdict of is not rendered again, but for what is UNDECIDED. Exit status 1 if a picture
+(pip install mitsuba) from one copy with a small film of box-filtered pixels, and `raycheck compare` judges
+the two, with more samples until it would see a bias of 1 % of the image, or the time for a file is up. What
+the JSON file has a verdict of is not rendered again, but for what is UNDECIDED. Exit status 1 if a picture
 differs.
 """
 
@@ -54,14 +54,19 @@ SKIES = ("envmap", "sunsky", "sky", "sun")
 
 
 def kind_of(error: str, elements: dict[str, list[Element]]) -> str:
-    """Which of KINDS an error of oneray is: by what it names, else by the element in whose line it is."""
+    """Which of KINDS an error of oneray is: by the element that it names, else by those in its line."""
     place, _, text = error.partition(": ")
     if "No such file" in error or "there is no such folder" in error:
         return "missing files"
-    for tag, kind in TAGS.items():
-        if text.startswith(f"<{tag}") or f"that is a <{tag}>, and" in text:
-            return kind
-    for element in elements.get(place, ()):
+    named = re.match(r'<(\w+)(?: type="([^"]*)")?>', text)
+    meant = re.search(r"that is a <(\w+)>, and", text)
+    if meant and meant[1] in TAGS:
+        return TAGS[meant[1]]
+    if named and named[1] != "ref":
+        around = [Element(named[1], type=named[2] or "")]
+    else:
+        around = elements.get(place, [])
+    for element in around:
         if element.tag in TAGS:
             return TAGS[element.tag]
         if element.tag == "spectrum" and element.get("type") == "bitmap":
@@ -122,7 +127,10 @@ def small(path: Path, to: Path) -> None:
         inner.remove(child)
     root.insert(0, inner)
     for spectrum in root.iter("spectrum"):
-        if ":" not in spectrum.get("value", ":") and len(re.findall(r"[^ ,]+", spectrum.attrib["value"])) == 3:
+        if (
+            ":" not in spectrum.get("value", ":")
+            and len(re.findall(r"[^ ,]+", spectrum.attrib["value"])) == 3
+        ):
             spectrum.tag = "rgb"
     films = {element.get("id"): element for element in root.iter("film") if "id" in element.attrib}
     samplers = [element.get("id") for element in root.iter("sampler") if "id" in element.attrib]
@@ -164,9 +172,11 @@ def judge(path: Path, variant: str, seconds: float) -> dict[str, Any]:
         found: Comparison | None = None
         try:
             mitsuba.open()
-            spp = 64
+            spp = 512
             while found is None or time.monotonic() - start < seconds:
-                batches += [mitsuba.render(spp, len(batches) + k + 1).image for k in range(len(batches) or BATCHES)]
+                batches += [
+                    mitsuba.render(spp, len(batches) + k + 1).image for k in range(len(batches) or BATCHES)
+                ]
                 mean = np.mean(batches, axis=0)
                 error = np.std(batches, axis=0, ddof=1) / math.sqrt(len(batches))
                 planes = {c: mean[..., i] for i, c in enumerate("RGB")}

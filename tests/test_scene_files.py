@@ -351,7 +351,7 @@ BODIES = {
     3000: (733.6808, 349.94092, 112.810234), 5000: (15274.786, 12094.885, 9603.2),
     9000: (120568.26, 132527.5, 179181.38),
 }  # fmt: skip
-"""Of a constant sky, by Mitsuba 3.9.1, scalar_spectral, 512,000 samples; the standard errors are below 1e-3."""
+"""Of a constant sky, by Mitsuba 3.9.1, scalar_spectral, 512,000 samples: standard errors below 1e-3."""
 
 
 @pytest.mark.parametrize("kelvin", BODIES)

@@ -225,8 +225,8 @@ def _check_root(root: Element) -> None:
 
 
 def _place_parts(root: Element) -> None:
-    """Put what sensors, films and shapes refer to in the place of the <ref>, but for materials; what stands in
-    the scene for that alone goes.
+    """Put what sensors, films and shapes refer to in the place of the <ref>, but for materials; what stands
+    in the scene for that alone goes.
     """
     known = {element.get("id"): element for element in root.iter() if element.tag in PARTS}
     for alias in root.findall("alias"):
