@@ -44,6 +44,8 @@ from raycheck.truth.mitsuba import choose_variant
 PIXELS = 24 * 24
 """About so many has a small film."""
 BATCHES = 16
+MOST_SAID = 3
+"""Errors of no kind that are kept of a file."""
 DETECTABLE = 0.01
 """A PASS is one where a bias of this share of the image would be seen."""
 KINDS = ("materials", "textures", "environment", "media", "missing files", "other")
@@ -99,16 +101,16 @@ def check(path: Path, timeout: float) -> dict[str, Any]:
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=timeout)
     except subprocess.TimeoutExpired:
-        return {"errors": {"other": 1}, "other": [f"no answer in {timeout:.0f} s"], "warnings": []}
+        return {"errors": {"other": 1}, "other": [f"no answer in {timeout:.0f} s"], "warnings": 0}
     lines = [line.replace(str(path.parent) + "/", "") for line in done.stderr.splitlines()]
     warnings = [line for line in lines if line.startswith("oneray: warning: ")]
     if not done.returncode:
-        return {"errors": {}, "other": [], "warnings": warnings}
+        return {"errors": {}, "other": [], "warnings": len(warnings)}
     elements = {place.replace(str(path.parent) + "/", ""): e for place, e in elements_by_place(path).items()}
     said = [line for line in lines if line not in warnings]
     kinds = [kind_of(line, elements) for line in said]
     other = [line for line, kind in zip(said, kinds, strict=True) if kind == "other"]
-    return {"errors": dict(Counter(kinds)), "other": other, "warnings": warnings}
+    return {"errors": dict(Counter(kinds)), "other": other[:MOST_SAID], "warnings": len(warnings)}
 
 
 def small(path: Path, to: Path) -> None:
@@ -183,7 +185,12 @@ def judge(path: Path, variant: str, seconds: float) -> dict[str, Any]:
                 write_exr(first, planes | {f"stderr.{c}": error[..., i] for i, c in enumerate("RGB")})
                 command = [str(oneray_path()), str(scene), "-o", str(second), "--quiet"]
                 options = ["--spp", str(spp * len(batches)), "--seed", str(len(batches))]
-                subprocess.run([*command, *options], check=True, capture_output=True, timeout=seconds)
+                try:
+                    subprocess.run([*command, *options], check=True, capture_output=True, timeout=seconds)
+                except subprocess.TimeoutExpired:
+                    if found is None:
+                        raise
+                    break
                 found = compare(first, second)
                 if found.verdict is Outcome.FAIL or seen(found):
                     break
@@ -211,7 +218,7 @@ def rows(results: Iterable[dict[str, Any]]) -> list[str]:
         ("files", len(done)),
         ("repositories", len({r["repository"] for r in done})),
         ("rendered as they are", len(clean)),
-        ("of these with warnings", sum(bool(r["warnings"]) for r in clean)),
+        ("of these with warnings", sum(r["warnings"] > 0 for r in clean)),
         *((f"with errors of {kind}", sum(kind in r["errors"] for r in rest)) for kind in KINDS),
         ("with errors, but of materials, textures, environment, media and missing files alone",
          len(rest) - len(beside)),
@@ -242,7 +249,7 @@ def main() -> int:
         path = options.folder / repository.replace("/", "+") / name
         before = kept.get((repository, name), {})
         result = {"repository": repository, "path": name} | check(path, options.seconds)
-        if not result["errors"] and before.get("verdict", "UNDECIDED") != "UNDECIDED":
+        if not result["errors"] and (options.check or before.get("verdict", "UNDECIDED") != "UNDECIDED"):
             result |= {key: before[key] for key in before if key not in result}
         elif not result["errors"] and not options.check:
             try:
@@ -251,7 +258,7 @@ def main() -> int:
                 result |= {"verdict": "UNDECIDED", "reason": str(error)[:300]}
         results.append(result)
         print(result.get("verdict", "ok" if not result["errors"] else "errors"), repository, name,
-              result.get("reason", ""), *result["other"][:3], sep="  ", flush=True)  # fmt: skip
+              result.get("reason", ""), *result["other"], sep="  ", flush=True)  # fmt: skip
         if options.json:
             command = "python scripts/public_scenes.py LIST FOLDER --json references/public_scenes.json"
             header = {"raycheck": raycheck_version(), "machine": machine(), "command": command}

@@ -328,6 +328,11 @@ def test_offsets_and_scales_of_version_0_are_to_uv(oneray: Path, tmp_path: Path,
     assert np.allclose(found[0].matrix, found[1].matrix)
 
 
+def test_a_default_of_such_a_name_stays_a_default(oneray: Path, tmp_path: Path) -> None:
+    old = scene('<default name="uscale" value="0.25"/>', INTEGRATOR, SENSOR, BSDF, BODY, version="0.6.0")
+    assert same(oneray, tmp_path, old.replace("0.25 0.75", "$uscale 0.75")) == []
+
+
 SKY = '<rgb name="radiance" value="0.5"/>'
 
 

@@ -362,8 +362,8 @@ static void read_shine(Builder *builder, Node *node)
         fail(part, "<ref id=\"%.80s\"/>: this emitter is that of another shape, and each needs its own", attribute(part, "id"));
     if (!emitter)
         return;
-    builder->shape->emitter = read_emitter(builder, emitter, builder->description->shape_count);
     emitter->state = READ;
+    builder->shape->emitter = read_emitter(builder, emitter, builder->description->shape_count);
 }
 
 static void read_shape(Builder *builder, Node *node)
@@ -642,11 +642,24 @@ static void choose_sensor(Builder *builder, Node *root)
 
 /* The scene. */
 
-/* One that stands in the scene, for a <ref> in a shape to mean, is the shape's. */
+/* Is it there for a <ref> in a shape to mean? */
+static bool is_lamp(const Node *node)
+{
+    return attribute(node, "id") && plugin_of(node, emitters, COUNT(emitters)) == EMITTER_AREA;
+}
+
 static void read_light(Builder *builder, Node *node)
 {
-    if (!attribute(node, "id") || plugin_of(node, emitters, COUNT(emitters)) != EMITTER_AREA)
+    if (!is_lamp(node))
         read_emitter(builder, node, -1);
+}
+
+/* One that no shape has is right or wrong all the same. */
+static void check_light(Builder *builder, Node *node)
+{
+    Emitter unused;
+    if (is_lamp(node) && node->state == UNREAD)
+        read_plugin(builder, node, emitters[EMITTER_AREA], "", &unused.as);
 }
 
 static void check_bsdf(Builder *builder, Node *node) { read_bsdf(builder, node); }
@@ -713,7 +726,8 @@ static void read_scene(Builder *builder, Node *root)
 {
     static const ScenePart seen[] = {{"integrator", read_integrator}, {"shape", read_shape}, {"emitter", read_light},
         {"ref", check_ref}, {NULL, NULL}};
-    static const ScenePart named[] = {{"bsdf", check_bsdf}, {"texture", check_texture}, {NULL, NULL}};
+    static const ScenePart named[] = {{"bsdf", check_bsdf}, {"texture", check_texture}, {"emitter", check_light},
+        {NULL, NULL}};
     Description *d = builder->description;
     if (strcmp(root->tag, "scene") != 0)
         fail(root, "the outermost element must be <scene version=\"3.0.0\">, not <%s>", root->tag);

@@ -328,6 +328,8 @@ static void parse_typed_spectrum(const Node *node, FieldKind kind, double rgb[3]
 {
     Said said;
     Text list = {0};
+    if (attribute(node, "value"))
+        fail(node, "%s has \"type\" and \"value\": write one or the other", describe(node));
     for (int i = 0; i < COUNT(spectra); i++) {
         append_word(&list, spectra[i].types);
         if (strcmp(spectra[i].types, attribute(node, "type")) != 0)

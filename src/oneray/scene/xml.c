@@ -323,7 +323,7 @@ static void upgrade_to_uv(const Reader *reader, Node *node)
     const char *name = attribute(node, "name"), *value = attribute(node, "value");
     int which = name && value ? find_word("uoffset, voffset, uscale, vscale", name) : -1;
     Node *parent = node->parent, *to_uv = parent ? parent->first : NULL;
-    if (which < 0 || reader->in.major >= 2 || !parent)
+    if (which < 0 || reader->in.major >= 2 || !parent || !is_among(node, "<float>, <integer>"))
         return;
     while (to_uv && !to_uv->upgraded)
         to_uv = to_uv->next;

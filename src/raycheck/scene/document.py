@@ -220,7 +220,8 @@ _SCALES = {"uscale": ("scale", "x"), "vscale": ("scale", "y")}
 
 def _upgrade_to_uv(parent: Element) -> None:
     """Offsets and scales of texture coordinates in version 0 are steps of "to_uv" today, in this order."""
-    said = [child for child in parent if child.get("name") in {**_OFFSETS, **_SCALES}]
+    numbers = [child for child in parent if child.tag in ("float", "integer")]
+    said = [child for child in numbers if child.get("name") in {**_OFFSETS, **_SCALES}]
     if not said:
         return
     to_uv = _Placed("transform", {"name": "to_uv"})

@@ -199,7 +199,8 @@ class Said:
         at = self.element if element is None else element
         if kind == "vector" and element is not None:
             return xyz(element)
-        if element is not None and element.tag in ("spectrum", "blackbody") and "value" not in element.attrib:
+        typed = element is not None and (element.tag == "blackbody" or "type" in element.attrib)
+        if element is not None and (typed or (element.tag == "spectrum" and "value" not in element.attrib)):
             value = _lamp(element, kind)
         else:
             text = field["default"] if element is None else element.attrib["value"]
@@ -277,6 +278,8 @@ def _lamp(at: Element, kind: str) -> Array:
         kelvin = _number(at, at.attrib["temperature"].strip(" ").removesuffix("K").removesuffix("k"))
     elif "type" not in at.attrib:
         fail(at, '<spectrum> lacks the attribute "value"')
+    elif "value" in at.attrib:
+        fail(at, f'{described(at)} has "type" and "value": write one or the other')
     else:
         with Said(at) as said:
             if said.type != "blackbody":
