@@ -49,7 +49,7 @@ class Change:
 
     @property
     def other(self) -> bool:
-        """Whether what the renderer computes changed; its speed is the machine's as well and does not count."""
+        """Whether what the renderer computes changed; its speed is also the machine's and does not count."""
         return self.verdicts[0] != self.verdicts[1] or self.changed or self.noisier
 
     @property
