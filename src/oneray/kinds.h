@@ -41,11 +41,15 @@
     X(POINT, point, "point light")                                                                           \
     X(SPOT, spot, "spot light")                                                                              \
     X(DIRECTIONAL, directional, "directional light")
-#define SKIES(X) X(CONSTANT, constant, "environment")
+#define SKIES(X)                                                                                             \
+    X(CONSTANT, constant, "environment")                                                                     \
+    X(ENVMAP, envmap, "environment map")
 #define EMITTERS(X) X(AREA, area, "area light") DELTA_EMITTERS(X) SKIES(X)
 
 /* What a reflectance can be instead of a colour. */
-#define TEXTURES(X) X(CHECKERBOARD, checkerboard, "checkerboard")
+#define TEXTURES(X)                                                                                          \
+    X(CHECKERBOARD, checkerboard, "checkerboard")                                                            \
+    X(BITMAP, bitmap, "bitmap")
 #define MEDIA(X)
 #define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
 /* What weighs the film around a pixel's middle. */

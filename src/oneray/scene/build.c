@@ -129,6 +129,7 @@ static Said read_plugin(Builder *builder, const Node *node, const Plugin *plugin
     Said said;
     read_fields(node, plugin->fields, objects, to, &said);
     said.triangles = &builder->description->mesh;
+    said.images = &builder->description->images;
     load_files(builder->description, to, &said);
     load_textures(builder, to, &said);
     if (plugin->check)
