@@ -24,19 +24,19 @@ static inline void envmap_check(void *plugin, Said *said)
 {
     Envmap *e = plugin;
     const Image *image = e->image = image_of(said->images, &e->filename, false);
-    double sum = 0, least = 0, axis[3], size = affine_uniform_scale(&e->to_world, 1e-6);
+    double sum = 0, least = 0, axis[3], size = affine_uniform_scale(&e->to_world, 1e-3);
     if (image->width < 2 || image->height < 2)
         fail(said, "%s: an environment is a picture of 2 x 2 pixels or more", image->file);
     for (size_t k = 0; k < 3 * (size_t)image->width * (size_t)image->height; k++)
         least = fmin(least, (double)image->value[0][k]);
     if (least < 0)
         fail(said, "%s: an environment's light cannot be negative, and this picture has %g", image->file, least);
-    if (!(size > 0))
-        fail(said, "\"to_world\" of an environment may only turn it");
+    if (!(fabs(size - 1) <= 1e-3))
+        fail(said, "\"to_world\" of an environment may only turn or mirror it");
     for (int i = 0; i < 3; i++) {
         column(&e->to_world, i, axis);
         for (int k = 0; k < 3; k++)
-            e->to_world.m[k][i] = axis[k] / size;
+            e->to_world.m[k][i] = axis[k] / norm(axis);
     }
     /* ∫ sinθ of the function that is 1 at a row and falls to 0 at its neighbours */
     for (int j = 0; j < image->height; j++) {
@@ -77,15 +77,12 @@ typedef struct {
 INLINE Light map_light(const SkyMap *map, MapPlace at, Real corner[4])
 {
     Index next = index_select(at.column + 1 == map->width, index_of(0), at.column + 1);
-    Light light = light_all(real(0));
+    Light light[4];
     for (int k = 0; k < 4; k++) {
-        Index pixel = (at.row + k / 2) * map->width + (k % 2 ? next : at.column);
-        Light one = light_gather(map->pixels, pixel * 3);
-        Real share = (k % 2 ? at.x : real(1) - at.x) * (k / 2 ? at.y : real(1) - at.y);
-        corner[k] = (one.r + one.g + one.b) * real(1 / 3.0);
-        light = light_add(light, light_scale(one, share));
+        light[k] = light_gather(map->pixels, ((at.row + k / 2) * map->width + (k % 2 ? next : at.column)) * 3);
+        corner[k] = (light[k].r + light[k].g + light[k].b) * real(1 / 3.0);
     }
-    return light;
+    return light_mix(light_mix(light[0], light[1], at.x), light_mix(light[2], light[3], at.x), at.y);
 }
 
 /* Where a direction is, its sinθ, and the light from there. */

@@ -86,13 +86,10 @@ INLINE Light bitmap_at(const Textures *textures, Index row, Real u, Real v)
     gather_four(textures->numbers + offsetof(BitmapRow, width) / sizeof(Num), row << textures->shift, size);
     bitmap_pixels(u, size[0], size[2], size[3], column, &share[0]);
     bitmap_pixels(v, size[1], size[2], size[3], line, &share[1]);
-    Light value = light_all(real(0));
-    for (int i = 0; i < 4; i++) {
-        Index pixel = first + line[i / 2] * real_floor(size[0]) + column[i % 2];
-        Real weight = (i / 2 ? share[1] : real(1) - share[1]) * (i % 2 ? share[0] : real(1) - share[0]);
-        value = light_add(value, light_scale(light_gather(textures->pixels, pixel * 3), weight));
-    }
-    return value;
+    Light value[4];
+    for (int i = 0; i < 4; i++)
+        value[i] = light_gather(textures->pixels, (first + line[i / 2] * real_floor(size[0]) + column[i % 2]) * 3);
+    return light_mix(light_mix(value[0], value[1], share[0]), light_mix(value[2], value[3], share[0]), share[1]);
 }
 
 #endif
