@@ -39,7 +39,8 @@ def save(path: Path, pixels: Array) -> None:
 def emitter(path: Path, turn: str = "", scale: float = 1) -> str:
     return (
         f'<emitter type="envmap"><string name="filename" value="{path}"/>'
-        f'<float name="scale" value="{scale}"/><transform name="to_world">{turn}</transform></emitter><shape type="rectangle"/>'
+        f'<float name="scale" value="{scale}"/><transform name="to_world">{turn}</transform></emitter>'
+        '<shape type="rectangle"/>'
     )
 
 
@@ -87,7 +88,7 @@ def test_it_is_mitsubas(driver: Driver, tmp_path: Path, turn: str) -> None:
 
 
 def cells(pixels: Array, order: int = 8) -> tuple[Array, Array, Array]:
-    """Directions (3, n) by Gauss's nodes in each cell between four pixels, their solid angles, and which cell."""
+    """Directions (3, n) by Gauss's nodes in each cell between four pixels, their solid angles, which cell."""
     height, width, _ = pixels.shape
     x, w = np.polynomial.legendre.leggauss(order)
     x, w = (x + 1) / 2, w / 2
@@ -141,7 +142,8 @@ BALL = (
 FILM = (
     '<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/></integrator>'
     '<sensor type="perspective"><transform name="to_world">'
-    '<lookat origin="0, 2, 6" target="0, 0, 0" up="0, 1, 0"/></transform><film type="hdrfilm"><integer name="width" value="24"/><integer name="height" value="18"/>'
+    '<lookat origin="0, 2, 6" target="0, 0, 0" up="0, 1, 0"/></transform>'
+    '<film type="hdrfilm"><integer name="width" value="24"/><integer name="height" value="18"/>'
     '<rfilter type="box"/></film></sensor>{}</scene>'
 )
 

@@ -133,7 +133,7 @@ def _roughness(what: str) -> Row:
 
 PIXELS: Row = {
     "type": "array", "items": {"type": "array", "items": COLOUR},
-    "description": "Rows from the top, where v is 0; the first pixel's middle is half a pixel from both edges",
+    "description": "Rows from the top, where v is 0; the first pixel's middle is half a pixel from its edges",
 }  # fmt: skip
 WEIGHT = {**NUMBER, "minimum": 0, "maximum": 1}
 PARTS = {"type": "array", "items": {"$ref": "#/$defs/material"}, "minItems": 2, "maxItems": 2}
@@ -179,7 +179,7 @@ def _told_matrix(one: Texture) -> Row:
 def _bitmap(said: Said, file: Callable[[str], Path]) -> Texture:
     colours = read_picture(file(said.word("filename")), said.flag("raw"))
     if not ((colours >= 0) & (colours <= 1)).all():
-        fail(said.element, f"{described(said.element)}: a reflectance must be in [0,1], and its picture is not")
+        fail(said.element, f"{described(said.element)}: reflectances are in [0,1], and its picture is not")
     return Texture(
         "bitmap", colours, said.transform("to_uv"), said.word("filter_type"), said.word("wrap_mode")
     )
@@ -381,7 +381,7 @@ def _of_schema(name: str, fields: Mapping[str, Row]) -> Row:
 
 
 def all_fields() -> dict[str, Row]:
-    """What the schema says of the fields that materials may have, in their order, but a blend's parts and pictures."""
+    """What the schema says of the fields that materials may have, in order, but parts and pictures."""
     kinds = [fields for kind in MATERIALS.values() for fields in kind.fields.values()]
     found: dict[str, Row] = {}
     for fields in (*kinds, *(fields for name in TEXTURED for fields in _instead(name))):
