@@ -359,7 +359,7 @@ BROKEN = {
     "half.png": ("colour.png", "no picture that can be read"),
     "half.jpg": ("colour.jpg", "no picture that can be read"),
     "half.exr": ("colour.exr", "an OpenEXR file that cannot be read"),
-    "huge.bmp": (b"BM" + bytes(8) + b"\x36\0\0\0\x28\0\0\0" + 2 * b"\xff\xff\xff\x7f" + b"\1\0\x18" + bytes(25),
+    "huge.bmp": (b"BM" + bytes(8) + b"6\0\0\0(\0\0\0" + 2 * b"\xff\xff\xff\x7f" + b"\1\0\x18" + bytes(25),
                  "2147483647 x 2147483647 pixels are more than the 134217728 of a picture"),
     "bright.hdr": (3.0, "a reflectance must be in [0,1], and this picture has 3"),
     "nan.exr": (float("nan"), "pixel (0, 0) is infinite or not a number"),

@@ -325,7 +325,7 @@ class Tracer:
             index = np.where(blend, first + (self.rng.random(count) < share), index)
         for number, material in enumerate(self.materials):
             on = np.flatnonzero(index == number)
-            if material["type"] != "dielectric":
+            if material["type"] not in ("dielectric", "null"):
                 on = on[_dot(n[on], wo[on]) > 0]
             if material["type"] == "blend" or not len(on):
                 continue
@@ -394,6 +394,9 @@ class Tracer:
     def _mirror(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         wi = 2 * _dot(wo, n)[:, None] * n - wo
         return 0.0, wi, np.broadcast_to(self._colour(m, "reflectance", which, p), p.shape), True
+
+    def _null(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        return 0.0, -wo, np.ones_like(p), True
 
     def _conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         light, wi, factor, delta = self._mirror(m, which, p, wo, n)

@@ -18,7 +18,8 @@
     X(ROUGHCONDUCTOR, roughconductor, "rough conductor")
 #define DELTA_MATERIALS(X)                                                                                   \
     X(CONDUCTOR, conductor, "conductor")                                                                     \
-    X(DIELECTRIC, dielectric, "dielectric")
+    X(DIELECTRIC, dielectric, "dielectric")                                                                  \
+    X(NULL, null, "null")
 #define MATERIALS(X) FINITE_MATERIALS(X) DELTA_MATERIALS(X)
 
 /* What a ray meets, flat shapes before the others, by one division for all of them. Two are special: rectangles along

@@ -67,7 +67,8 @@ class Material:
     @property
     def has_back(self) -> bool:
         """It, or a part of it, is seen from behind."""
-        return self.two_sided or self.kind == "dielectric" or any(part.has_back for part in self.parts)
+        own = self.two_sided or self.kind in ("dielectric", "null")
+        return own or any(part.has_back for part in self.parts)
 
     @property
     def wants_uv(self) -> bool:
@@ -277,6 +278,14 @@ def _told_blend(one: Material) -> Row:
     return {"type": "blend", "weight_of_second": one.weight, "parts": [told(part) for part in one.parts]}
 
 
+def _mask(of: Source) -> Material:
+    """A blend with what lets light pass."""
+    if len(of.parts) != 1:
+        fail(of.said.element, f"{described(of.said.element)} needs one bsdf inside")
+    parts = (Material("null", np.ones(3)), of.parts[0])
+    return Material("blendbsdf", np.zeros(3), weight=of.said.number("opacity"), parts=parts)
+
+
 def _twosided(of: Source) -> Material:
     parts, which = of.parts, described(of.said.element)
     if not 0 < len(parts) < 3:
@@ -310,6 +319,8 @@ MATERIALS: dict[str, Kind] = {
     "blendbsdf": Kind(
         _blend, _told_blend, {"blend": {"weight_of_second": WEIGHT, "parts": PARTS}}, ("bsdf", "ref")
     ),
+    "null": Kind(lambda _: Material("null", np.ones(3)), lambda _: {"type": "null"}, {"null": {}}),
+    "mask": Kind(_mask, _told_blend, {}, ("bsdf", "ref")),
     "twosided": Kind(_twosided, lambda one: told(one), {}, ("bsdf", "ref")),
 }  # fmt: skip
 """By Mitsuba's name."""
@@ -387,4 +398,4 @@ def all_fields() -> dict[str, Row]:
     for fields in (*kinds, *(fields for name in TEXTURED for fields in _instead(name))):
         for name, said in fields.items():
             found.setdefault(name, said)
-    return {name: said for name, said in found.items() if said not in (PARTS, PIXELS)}
+    return {name: said for name, said in found.items() if "enum" not in said and said not in (PARTS, PIXELS)}

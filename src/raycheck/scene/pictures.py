@@ -19,12 +19,13 @@ def read_picture(path: Path, raw: bool) -> Array:
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # else colours are darkened by it
     file = oiio.ImageInput.open(utf8(path), config)
-    values = None if file is None else file.read_image(0, 0, 0, -1, oiio.FLOAT)
+    count = 0 if file is None else file.spec().nchannels
+    values = None if file is None else file.read_image(0, 0, 0, 3 if count >= 3 else 1, oiio.FLOAT)
     if file is None or values is None:
         why = " ".join((oiio.geterror() if file is None else file.geterror()).split())
         raise ReferenceError_(f"{path}: no picture that can be read ({why})")
-    values = np.asarray(values, dtype=np.float64)[:, :, :3]
-    if values.shape[2] != 3:
-        values = np.repeat(values[:, :, :1], 3, axis=2)
+    values = np.asarray(values, dtype=np.float64).reshape(*values.shape[:2], -1)
+    if values.shape[2] == 1:
+        values = np.repeat(values, 3, axis=2)
     whole = str(file.spec().format) in ("uint8", "uint16")
     return decode_srgb(values) if whole and not raw else values
