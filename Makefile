@@ -27,7 +27,8 @@ ROUNDS := $(if $(filter-out 0,$(method)),$(if $(filter 0,$(call method,-msse2 -m
 ifneq (,$(filter-out 0,$(call method,$(ROUNDS))))
 $(error $(CC) $(CFLAGS) keeps more digits than a number has (FLT_EVAL_METHOD is not 0): another processor or compiler is wanted)
 endif
-# expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
+# expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures. What a scene names in other formats
+# is read by stb_image, a header.
 PACKAGES := expat OpenEXR libpng
 ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray -I$(BUILD) $(WARN) -ffp-contract=off -fno-math-errno \
     -fno-trapping-math $(CFLAGS) $(ROUNDS)
@@ -117,10 +118,10 @@ wheel: $(BUILD)/oneray $(PYTHON)
 FUZZ_SECONDS ?= 3600
 FUZZERS := $(foreach f,scene ply obj,$(BUILD)/fuzz/$(f))
 FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-    -Isrc/oneray -I$(BUILD) -include tests/fuzz/harness.h
+    -Isrc/oneray -I$(BUILD) $(PKG_CFLAGS) -include tests/fuzz/harness.h
 stems = $(basename $(notdir $(wildcard src/oneray/$(1)/*.c)))
 FUZZ_MESH := harness message text $(call stems,meshes)
-FUZZ_SCENE := $(FUZZ_MESH) $(call stems,trees) $(call stems,scene)
+FUZZ_SCENE := $(FUZZ_MESH) $(call stems,trees) $(call stems,images) $(call stems,scene)
 vpath %.c tests/fuzz
 
 $(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile
@@ -132,7 +133,7 @@ $(BUILD)/fuzz/read_ply.o $(BUILD)/fuzz/read_obj.o: $(BUILD)/fuzz/read_%.o: tests
 $(BUILD)/fuzz/ply $(BUILD)/fuzz/obj: $(BUILD)/fuzz/%: $(BUILD)/fuzz/read_%.o $(FUZZ_MESH:%=$(BUILD)/fuzz/%.o)
 	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
 $(BUILD)/fuzz/scene: $(BUILD)/fuzz/read_scene.o $(FUZZ_SCENE:%=$(BUILD)/fuzz/%.o)
-	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ $(shell pkg-config --libs $(PACKAGES)) -lm
 
 fuzzers: $(FUZZERS)
 # What is found goes to build/fuzz/NAME.found; a crash, and an input that takes 10 s or 2 GB, ends it with its file.

@@ -19,6 +19,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "src/raycheck/scene/plugins.json"
 SOURCES = (
+    *(f"images/{name}.c" for name in ("image", "openexr")),
     *(f"meshes/{name}.c" for name in ("mesh", "obj", "ply")),
     *(f"scene/{name}.c" for name in ("description", "hints")),
     *(f"trees/{name}.c" for name in ("bvh", "mesh_tree")),
@@ -32,7 +33,9 @@ def printed() -> list[dict[str, Any]]:
         subprocess.run(["make", "-s", "-C", str(ROOT), f"BUILD={folder}", "kinds"], check=True)
         source = ROOT / "src/oneray"
         files = [ROOT / "scripts/plugins.c", *(source / name for name in SOURCES)]
-        options = ["-std=c99", "-D_XOPEN_SOURCE=700", f"-I{source}", f"-I{folder}", "-lexpat", "-lm"]
+        ask = ["pkg-config", "--cflags", "--libs", "expat", "OpenEXR"]
+        libraries = subprocess.check_output(ask, text=True)
+        options = ["-std=c99", "-D_XOPEN_SOURCE=700", f"-I{source}", f"-I{folder}", *libraries.split(), "-lm"]
         program = Path(folder) / "plugins"
         subprocess.run(["cc", *map(str, files), *options, "-o", str(program)], check=True)
         text = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout

@@ -14,6 +14,7 @@ need pkg-config sh -c 'command -v pkg-config'
 need libexpat1-dev pkg-config --exists expat
 need libopenexr-dev pkg-config --exists OpenEXR
 need libpng-dev pkg-config --exists libpng
+need libstb-dev test -f /usr/include/stb/stb_image.h
 need python3-venv python3 -c 'import ensurepip, venv'
 optional=
 for package in "$@"; do

@@ -324,6 +324,14 @@ OVER_COLUMNS(light_sample)
     put_index(b, 8, s.slot);
 }
 
+/* A direction to what is seen there of an environment that is a picture: (radiance, pdf_w). */
+OVER_COLUMNS(sky)
+{
+    Vec wi = get_vec(b, 0);
+    put_light(b, 0, envmap_radiance(&scene->emitters, wi));
+    put(b, 3, envmap_pdf_w(&scene->emitters, wi));
+}
+
 /* A receiver and a direction to what MIS knows of the light met there: (light or -1, distance, cosine,
    1/pdf_w). */
 OVER_COLUMNS(light_hit)

@@ -40,8 +40,8 @@ ROWS = {
     **dict.fromkeys(("hemisphere_uniform", "hemisphere_cosine", "sphere", "cone", "densities"), 4),
     **dict.fromkeys(("square", "disk", "triangle"), 4),
     **{"dielectric": 3, "conductor": 1, "scatter": 21, "light_sample": 9, "light_hit": 4, "choose": 2},
-    **{"choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4, "vertices": 14, "frame": 12},
-    **{"evaluate": 7, "receiver": 8, "visibility": 4},
+    **{"sky": 4, "choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4, "vertices": 14},
+    **{"frame": 12, "evaluate": 7, "receiver": 8, "visibility": 4},
 }
 
 SCENE = """<scene version="3.0.0">
@@ -73,7 +73,10 @@ def compiled(precision: str, lanes: int) -> Path:
         build(Path(folder), goal="kinds")
         files = [path for path in sources if path.suffix == ".c" and path.stem not in PROGRAM]
         made = Path(folder) / "made.so"
-        command = ["cc", *settings, f"-I{SOURCES}", f"-I{folder}", *files, "-lexpat", "-lm", "-o", made]
+        ask = ["pkg-config", "--cflags", "--libs", "expat", "OpenEXR"]
+        libraries = subprocess.check_output(ask, text=True)
+        shared = [*libraries.replace("-I/", "-isystem/").split(), "-lm"]
+        command = ["cc", *settings, f"-I{SOURCES}", f"-I{folder}", *files, *shared, "-o", made]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr[-3000:]
         made.replace(target)

@@ -338,7 +338,31 @@ def with_pane(kind: str, bsdf: str) -> str:
 
 
 MESH = re.compile(r'    <shape type="ply">.*?</shape>\n', re.S)
+PICTURES = ROOT / "scenes/pictures"
+TILES = (
+    f'<texture type="bitmap" {{}}><string name="filename" value="{PICTURES}/tiles.png"/>'
+    '<transform name="to_uv"><scale x="1.3" y="-0.7"/><translate x="0.4"/></transform>{}</texture>'
+)
+HOLED = '<bsdf type="mask"><float name="opacity" value="0.3"/><bsdf type="twosided">{}</bsdf></bsdf>'
+
+
+def drawn(words: str) -> str:
+    texture = TILES.format('name="reflectance"', words)
+    return f'<bsdf type="diffuse">{texture}</bsdf>'
+
+
 RENDERED |= {
+    "picture-on-a-pane": with_pane("rectangle", drawn('<boolean name="raw" value="true"/>')),
+    "picture-mirrored-on-a-disk": with_pane("disk", drawn('<string name="wrap_mode" value="mirror"/>')),
+    "pixels-on-a-ball": with_ball(drawn('<string name="filter_type" value="nearest"/>')),
+    "a-mask-over-a-picture": with_ball(HOLED.format(drawn('<string name="wrap_mode" value="clamp"/>'))),
+    "null": with_ball('<bsdf type="null"/>'),
+    "sky-of-a-picture": with_ball("").replace(
+        '<emitter type="constant"><rgb name="radiance" value="0.5, 0.6, 0.9"/></emitter>',
+        f'<emitter type="envmap"><string name="filename" value="{PICTURES}/sky.exr"/><float name="scale" '
+        'value="0.01"/><transform name="to_world"><scale z="-1"/><rotate x="1" angle="70"/></transform>'
+        '</emitter>'
+    ),
     "textures-but-on-no-mesh": MESH.sub("", (ROOT / "tests/odd/textures.xml").read_text(encoding="utf-8")),
     "textured-pane": with_pane(
         "rectangle", f'<bsdf type="diffuse">{BOARD}</bsdf>'.format('name="reflectance"')
@@ -464,8 +488,8 @@ SENSOR = '<float name="fov" value="40"/>'
          'write <string name="distribution" value="ggx"/>'),
         (with_ball('<bsdf type="diffuse"><spectrum name="reflectance" value="400:.1"/></bsdf>'), 19,
          "<spectrum> needs pairs"),
-        (with_ball('<bsdf type="diffuse"><texture name="reflectance" type="bitmap"/></bsdf>'), 19,
-         '<texture type="bitmap"> is not supported (checkerboard)'),
+        (with_ball('<bsdf type="diffuse"><texture name="reflectance" type="wood"/></bsdf>'), 19,
+         '<texture type="wood"> is not supported (checkerboard, bitmap)'),
         (with_ball('<bsdf type="diffuse"><texture name="reflectance" type="checkerboard">'
          '<float name="offset" value="1"/></texture></bsdf>'), 19, 'no property "offset"'),
         (with_ball(f'<bsdf type="diffuse">{BOARD}</bsdf>'.format('name="reflectance"'))

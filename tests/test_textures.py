@@ -11,10 +11,12 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from sampling import SCENE, Array, Driver, uniforms
 from test_surfaces import CASES, drivers, folder, rays, shape  # noqa: F401
 
+from raycheck.base.images import decode_srgb, write_image, write_png
 from raycheck.renderers.films import payload
 
 TO_UV = {
@@ -265,3 +267,128 @@ def test_a_texture_absorbs_nothing_if_no_colour_does(
         '"max_depth" value="8"', '"max_depth" value="-1"'
     )
     assert ("absorbs nothing" in picture(oneray, tmp_path, scene, "")[1]) == warned
+
+
+PICTURES = ("grey.png", "colour.png", "wide.png", "colour.jpg", "colour.exr", "colour.hdr")
+BITMAPS = {
+    "as it is": "",
+    "raw": '<boolean name="raw" value="true"/>',
+    "nearest": '<string name="filter_type" value="nearest"/>',
+    **{
+        wrap: f'<string name="wrap_mode" value="{wrap}"/><transform name="to_uv">{TO_UV["moved"]}</transform>'
+        for wrap in ("repeat", "mirror", "clamp")
+    },
+}
+
+
+def save_picture(path: Path) -> None:
+    """6 × 5 pixels of any colour; `wide` has 16 bits, `grey` one channel."""
+    values = np.random.default_rng(4).random((5, 6, 3))
+    bits = np.uint16 if path.stem == "wide" else np.uint8
+    if path.suffix in (".exr", ".hdr"):
+        mi.Bitmap(values.astype(np.float32)).write(str(path))
+    else:
+        whole = (values * np.iinfo(bits).max).astype(bits)
+        mi.Bitmap(whole[:, :, :1] if path.stem == "grey" else whole).write(str(path))
+
+
+def bitmap(path: Path, more: str = "") -> str:
+    file = f'<string name="filename" value="{path}"/>'
+    return f'<bsdf type="diffuse"><texture type="bitmap" name="reflectance">{file}{more}</texture></bsdf>'
+
+
+@pytest.mark.parametrize("more", BITMAPS)
+@pytest.mark.parametrize("picture", PICTURES)
+def test_bitmaps_are_mitsubas(
+    drivers: dict[str, Driver], folder: Path, tmp_path: Path, picture: str, more: str  # noqa: F811
+) -> None:
+    """Of 16 bits it keeps 11 (halves), and JPEG leaves decoders some freedom."""
+    save_picture(tmp_path / picture)
+    body = painted(shape(folder, "rectangle", "turned"), bitmap(tmp_path / picture, BITMAPS[more]))
+    along = rays(body, 9)
+    theirs = by_mitsuba(body, along)
+    assert np.ptp(theirs[1, theirs[0] > 0]) > 0.3
+    for one in drivers.values():
+        ours = colours(one, body, along)
+        both = (ours[0] > 0) & (theirs[0] > 0)
+        assert both.mean() > 0.15
+        close = {"wide.png": 6e-4, "colour.jpg": 3 / 255}.get(picture, 1e-4)
+        assert (np.abs(ours - theirs)[:, both] < close).all(axis=0).mean() > 0.985
+
+
+@pytest.mark.parametrize("name", ["sphere", "disk", "cube", "u.ply"])
+def test_bitmaps_lie_on_every_shape_as_mitsubas(
+    drivers: dict[str, Driver], folder: Path, tmp_path: Path, name: str  # noqa: F811
+) -> None:
+    save_picture(tmp_path / "colour.png")
+    body = painted(shape(folder, name, "turned"), bitmap(tmp_path / "colour.png", BITMAPS["mirror"]))
+    along = rays(body, 9)
+    theirs = by_mitsuba(body, along)
+    for one in drivers.values():
+        agree(colours(one, body, along), theirs)
+
+
+@pytest.mark.parametrize("kind", ["bilinear", "nearest"])
+def test_a_picture_of_one_colour_is_no_texture(oneray: Path, tmp_path: Path, kind: str) -> None:
+    mi.Bitmap(np.full((4, 4, 3), 0.25, np.float32)).write(str(tmp_path / "one.exr"))
+    plain = room('<bsdf type="diffuse"><rgb name="reflectance" value="0.25"/></bsdf>')
+    drawn = room(bitmap(tmp_path / "one.exr", f'<string name="filter_type" value="{kind}"/>'))
+    for precision in ("single", "double"):
+        one, other = (picture(oneray, tmp_path, s, f"--precision {precision}")[0] for s in (plain, drawn))
+        assert one == other != ""
+
+
+@pytest.mark.parametrize("kind", [".tga", ".bmp", ".ppm", ".exr"])
+def test_other_formats_are_the_same_picture(oneray: Path, tmp_path: Path, kind: str) -> None:
+    """An EXR file in tiles of what a PNG file has by sRGB's curve."""
+    values = (np.random.default_rng(4).random((70, 90, 3)) * 255).astype(np.uint8)
+    write_png(tmp_path / "a.png", values)
+    spec = oiio.ImageSpec(90, 70, 3, "float" if kind == ".exr" else "uint8")
+    if kind == ".exr":
+        spec.tile_width = spec.tile_height = 32
+    linear = decode_srgb(values / 255).astype(np.float32)
+    write_image(tmp_path / f"b{kind}", spec, linear if kind == ".exr" else values)
+    scenes = (room(bitmap(tmp_path / name)) for name in ("a.png", f"b{kind}"))
+    one, other = (picture(oneray, tmp_path, scene, "")[0] for scene in scenes)
+    assert one == other != ""
+
+
+BROKEN = {
+    "empty.png": (b"", "the file is empty"),
+    "text.png": (b"hello, world", "no picture that can be read (PNG, JPEG, TGA, BMP, PNM, HDR or OpenEXR)"),
+    "half.png": ("colour.png", "no picture that can be read"),
+    "half.jpg": ("colour.jpg", "no picture that can be read"),
+    "half.exr": ("colour.exr", "an OpenEXR file that cannot be read"),
+    "huge.bmp": (b"BM" + bytes(8) + b"6\0\0\0(\0\0\0" + 2 * b"\xff\xff\xff\x7f" + b"\1\0\x18" + bytes(25),
+                 "2147483647 x 2147483647 pixels are more than the 134217728 of a picture"),
+    "bright.hdr": (3.0, "a reflectance must be in [0,1], and this picture has 3"),
+    "nan.exr": (float("nan"), "pixel (0, 0) is infinite or not a number"),
+    "dark.exr": (-0.5, "a reflectance must be in [0,1], and this picture has -0.5"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_is_no_picture_is_refused_in_one_line(oneray: Path, tmp_path: Path, name: str) -> None:
+    made, says = BROKEN[name]
+    path = tmp_path / name
+    if isinstance(made, bytes):
+        path.write_bytes(made)
+    elif isinstance(made, str):
+        save_picture(tmp_path / made)
+        whole = (tmp_path / made).read_bytes()
+        path.write_bytes(whole[: len(whole) // (4 if made.endswith("jpg") else 2)])
+    else:
+        mi.Bitmap(np.full((4, 4, 3), made, np.float32)).write(str(path))
+    (tmp_path / "s.xml").write_text(SCENE.format(f'<shape type="sphere">{bitmap(path)}</shape>'))
+    command = [oneray, tmp_path / "s.xml", "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and says in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    assert name in done.stderr
+
+
+def test_a_picture_that_is_not_there(oneray: Path, tmp_path: Path) -> None:
+    body = f'<shape type="sphere">{bitmap(Path("none.png"))}</shape>'
+    (tmp_path / "s.xml").write_text(SCENE.format(body))
+    command = [oneray, tmp_path / "s.xml", "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "none.png: No such file or directory" in done.stderr

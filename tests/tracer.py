@@ -7,6 +7,7 @@ by chance, a diffuse one by a point on a lamp; the sky is found by chance always
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -283,7 +284,7 @@ class Tracer:
             which, t = shapes.meet(o, d, start, low, high, hidden)
             away = which < 0
             if depth > 1 or not data["hide_emitters"]:
-                result[path[away]] += weight[away] * self.sky
+                result[path[away]] += weight[away] * self._sky(d[away])
             path, weight, delta, which, t = (x[~away] for x in (path, weight, delta, which, t))
             o, d = o[~away], d[~away]
             p = o + t[:, None] * d
@@ -324,7 +325,7 @@ class Tracer:
             index = np.where(blend, first + (self.rng.random(count) < share), index)
         for number, material in enumerate(self.materials):
             on = np.flatnonzero(index == number)
-            if material["type"] != "dielectric":
+            if material["type"] not in ("dielectric", "null"):
                 on = on[_dot(n[on], wo[on]) > 0]
             if material["type"] == "blend" or not len(on):
                 continue
@@ -337,12 +338,47 @@ class Tracer:
         prefix = "" if name == "reflectance" else f"{name}_"
         if prefix + "texture" not in m:
             return np.array(m[name])
-        assert m[prefix + "texture"] == "checkerboard"
         uv, _ = self.shapes.coordinates(which, p)
         place = np.hstack([uv, np.ones((len(p), 1))]) @ np.array(m[prefix + "to_uv"]).T
+        if m[prefix + "texture"] == "bitmap":
+            kind, wrap = (m[prefix + name] for name in ("filter", "wrap"))
+            return self._pixels(np.array(m[prefix + "pixels"]), kind, wrap, place)
+        assert m[prefix + "texture"] == "checkerboard"
         second = place[:, :2] % 1 > 0.5
         differ = (second[:, 0] != second[:, 1])[:, None]
         return np.where(differ, m[prefix + "color1"], m[prefix + "color0"])
+
+    def _pixels(self, pixels: Array, kind: str, wrap: str, place: Array) -> Array:
+        size = np.array([pixels.shape[1], pixels.shape[0]])
+        at = place[:, :2] * size - (0.5 if kind == "bilinear" else 0.0)
+        low = np.floor(at).astype(int)
+        share = at - low if kind == "bilinear" else np.zeros_like(at)
+        total = np.zeros((len(place), 3))
+        for dx, dy in itertools.product((0, 1), (0, 1)):
+            index = low + np.array((dx, dy))
+            if wrap == "repeat":
+                index = index % size
+            elif wrap == "mirror":
+                index = np.where(index % (2 * size) < size, index % size, size - 1 - index % size)
+            index = np.clip(index, 0, size - 1)
+            weight = np.where((dx, dy), share, 1 - share).prod(axis=1)
+            total += weight[:, None] * pixels[index[:, 1], index[:, 0]]
+        return total
+
+    def _sky(self, d: Array) -> Array:
+        if "sky_map" not in self.data:
+            return np.broadcast_to(self.sky, d.shape)
+        pixels, axes = (np.array(self.data["sky_map"][name]) for name in ("pixels", "axes"))
+        x, y, z = axes @ d.T
+        height, width, _ = pixels.shape
+        column = np.arctan2(x, -z) / (2 * np.pi) * width - 0.5
+        row = np.arccos(np.clip(y, -1, 1)) / np.pi * (height - 1)
+        i, j = np.floor(column).astype(int), np.minimum(row.astype(int), height - 2)
+        fx, fy = (column - i)[:, None], (row - j)[:, None]
+        upper = (1 - fx) * pixels[j, i % width] + fx * pixels[j, (i + 1) % width]
+        lower = (1 - fx) * pixels[j + 1, i % width] + fx * pixels[j + 1, (i + 1) % width]
+        result: Array = (1 - fy) * upper + fy * lower
+        return result
 
     def _diffuse(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         f = np.broadcast_to(self._colour(m, "reflectance", which, p) / np.pi, p.shape)
@@ -358,6 +394,9 @@ class Tracer:
     def _mirror(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         wi = 2 * _dot(wo, n)[:, None] * n - wo
         return 0.0, wi, np.broadcast_to(self._colour(m, "reflectance", which, p), p.shape), True
+
+    def _null(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        return 0.0, -wo, np.ones_like(p), True
 
     def _conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         light, wi, factor, delta = self._mirror(m, which, p, wo, n)

@@ -58,6 +58,7 @@ typedef struct {
     const Field *fields;
     Place place[MOST_FIELDS]; /* of each field; line 0: the file does not say it */
     struct Mesh *triangles;   /* of the scene: a mesh is put behind them */
+    struct Images *images;    /* of the scene */
     const char *left_out;     /* set by a check: why the scene does without */
 } Said;
 

@@ -18,7 +18,8 @@
     X(ROUGHCONDUCTOR, roughconductor, "rough conductor")
 #define DELTA_MATERIALS(X)                                                                                   \
     X(CONDUCTOR, conductor, "conductor")                                                                     \
-    X(DIELECTRIC, dielectric, "dielectric")
+    X(DIELECTRIC, dielectric, "dielectric")                                                                  \
+    X(NULL, null, "null")
 #define MATERIALS(X) FINITE_MATERIALS(X) DELTA_MATERIALS(X)
 
 /* What a ray meets, flat shapes before the others, by one division for all of them. Two are special: rectangles along
@@ -41,11 +42,15 @@
     X(POINT, point, "point light")                                                                           \
     X(SPOT, spot, "spot light")                                                                              \
     X(DIRECTIONAL, directional, "directional light")
-#define SKIES(X) X(CONSTANT, constant, "environment")
+#define SKIES(X)                                                                                             \
+    X(CONSTANT, constant, "environment")                                                                     \
+    X(ENVMAP, envmap, "environment map")
 #define EMITTERS(X) X(AREA, area, "area light") DELTA_EMITTERS(X) SKIES(X)
 
 /* What a reflectance can be instead of a colour. */
-#define TEXTURES(X) X(CHECKERBOARD, checkerboard, "checkerboard")
+#define TEXTURES(X)                                                                                          \
+    X(CHECKERBOARD, checkerboard, "checkerboard")                                                            \
+    X(BITMAP, bitmap, "bitmap")
 #define MEDIA(X)
 #define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
 /* What weighs the film around a pixel's middle. */

@@ -17,6 +17,7 @@ typedef struct {
 typedef struct {
     double most[3], least[3]; /* by channel */
     const Affine *to_uv;      /* what acts on (u, v) */
+    const struct Image *image; /* that it looks at, or NULL */
 } TextureTraits;
 
 /* Where light comes from, and so the measure of an emission and what flux (W) is in proportion to. */
@@ -36,6 +37,9 @@ typedef struct {
     double spread, beam;     /* FROM_POINT, half the angles of the cones about that, radians, in which all its light is, and
                                 in which it is alike */
     double flux;             /* over the emission and what it is in proportion to */
+    const struct Image *image; /* what FROM_AROUND is in this frame: longitude from -z towards x, latitude from y down; or NULL */
+    double scale;             /* radiance where that is 1 */
+    const Affine *to_world;
     const char *odd;
 } EmitterTraits;
 

@@ -49,6 +49,18 @@ typedef struct {
     Num scale, unused;              /* 1/M, m⁻¹ */
 } Panel;
 
+/* The environment as a picture, over the emission: pixel (i, j) is at longitude (i + 1/2)/width of a turn and latitude j
+   of `rows`, and linear between four, which are a cell. */
+typedef struct {
+    Int width, rows;
+    Num *pixels;        /* three numbers each */
+    Num axis[3][3];     /* x, y and z of its frame, unit vectors */
+    Num inverse_total;  /* the density of the choice of a cell, over its mean: per longitude and latitude, sr⁻¹ where sinθ = 1 */
+    Num *fill;          /* by row: the mean of sinθ */
+    Num *row_p_stay, *column_p_stay; /* alias tables: of rows, and in each of columns */
+    Int *row_alias, *column_alias;
+} SkyMap;
+
 typedef struct {
     int count;
     Int *kind;          /* EmitterKind, by light, as all below */
@@ -73,6 +85,7 @@ typedef struct {
                                 the triangle's slot */
     const StackTables *stacks; /* HAS_STACKS: the shapes' */
     Int sky;                 /* which light the environment is */
+    SkyMap map;              /* HAS_ENVMAP */
     Num world_center[3], world_radius; /* a ball around the scene, which far lights shine on */
 } Emitters;
 

@@ -311,6 +311,13 @@ INLINE Index real_floor(Real a)
     return (Index)low - index_select(nearest > a, index_of(1), index_of(0));
 }
 
+/* The same number, 0 <= i < INTEGER_MOST. */
+INLINE Real real_of(Index i)
+{
+    const Real big = INTEGERS;
+    return bits_real((Bits)i + real_bits(big)) - big;
+}
+
 /* a - ⌊a⌋, of any sign; 0 where a has no digits behind the point but perhaps one half. */
 INLINE Real real_fraction(Real a)
 {
@@ -328,8 +335,7 @@ STAGE void sincos_turn(Real u, Real *sine, Real *cosine)
 {
     Real quarters = real(4) * u;
     Index quarter = real_floor(quarters + real(0.5));
-    const Real big = INTEGERS;
-    Real x = (quarters - (bits_real((Bits)quarter + real_bits(big)) - big)) * real(1.57079632679489661923);
+    Real x = (quarters - real_of(quarter)) * real(1.57079632679489661923);
     Real xx = x * x;
     Real s = real(-1 / 5040.0), c = real(1 / 40320.0);
 #ifndef SINGLE

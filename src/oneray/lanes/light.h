@@ -14,6 +14,11 @@ INLINE Light light_all(Real a) { return (Light){a, a, a}; }
 INLINE Light light_add(Light a, Light b) { return (Light){a.r + b.r, a.g + b.g, a.b + b.b}; }
 INLINE Light light_mul(Light a, Light b) { return (Light){a.r * b.r, a.g * b.g, a.b * b.b}; }
 INLINE Light light_scale(Light a, Real s) { return (Light){a.r * s, a.g * s, a.b * s}; }
+/* From a at t = 0 to b at 1; exactly a where they are equal. */
+INLINE Light light_mix(Light a, Light b, Real t)
+{
+    return (Light){a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
+}
 INLINE Real light_max(Light a) { return real_max(real_max(a.r, a.g), a.b); }
 INLINE Light light_select(Mask m, Light a, Light b)
 {

@@ -44,26 +44,23 @@ static double power_of(const Description *d, const Emitter *light, int side, dou
     }
 }
 
-/* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is light i up to alias_p_stay[i],
-   else alias[i]. Vose, A Linear Algorithm for Generating Random Numbers with a Given Distribution, 1991. */
-static void prepare_alias(Scene *scene, const double *p)
+/* Vose's alias table for probabilities p[0 … n-1] that sum to 1: column i is i up to p_stay[i], else alias[i]. Vose, A
+   Linear Algorithm for Generating Random Numbers with a Given Distribution, 1991. */
+static void prepare_alias(const double *p, int n, Num *p_stay, Int *alias)
 {
-    Emitters *emitters = &scene->emitters;
-    emitters->alias_p_stay = keep(scene, (size_t)emitters->count, sizeof *emitters->alias_p_stay);
-    emitters->alias = keep(scene, (size_t)emitters->count, sizeof *emitters->alias);
-    int n = emitters->count, small = 0, large = n;
+    int small = 0, large = n;
     int *order = allocate((size_t)n, sizeof *order); /* small columns from the front, large from the back */
     double *share = allocate((size_t)n, sizeof *share);
     for (int i = 0; i < n; i++) {
         share[i] = p[i] * n;
         order[share[i] < 1 ? small++ : --large] = i;
-        emitters->alias_p_stay[i] = 1;
-        emitters->alias[i] = i;
+        p_stay[i] = 1;
+        alias[i] = i;
     }
     while (small > 0 && large < n) {
         int less = order[--small], more = order[large];
-        emitters->alias_p_stay[less] = (Num)share[less];
-        emitters->alias[less] = more;
+        p_stay[less] = (Num)share[less];
+        alias[less] = more;
         share[more] -= 1 - share[less];
         if (share[more] < 1) {
             large++;
@@ -112,9 +109,57 @@ static void prepare_side(Scene *scene, const Description *d, const Emitter *ligh
     emitters->slot_light[mesh ? row : slot] = mesh ? i - slot : i;
 }
 
-/* A light that is no shape. */
-static void prepare_free(Emitters *emitters, const EmitterTraits *traits, int i)
+/* The pixels of an environment, over its emission, and the alias tables of its rows and columns: a cell between four
+   pixels is chosen by their mean and by what its row fills of the sphere. */
+static void prepare_map(Scene *scene, const EmitterTraits *traits)
 {
+    SkyMap *map = &scene->emitters.map;
+    const Image *image = traits->image;
+    size_t width = (size_t)image->width, rows = (size_t)image->height - 1;
+    double *row = allocate(rows, sizeof *row), *cell = allocate(width, sizeof *cell), total = 0;
+    double unit = traits->scale / traits->emission[0];
+    map->width = image->width;
+    map->rows = image->height - 1;
+    map->pixels = keep(scene, width * (rows + 1), 3 * sizeof *map->pixels);
+    map->fill = keep(scene, rows, sizeof *map->fill);
+    map->row_p_stay = keep(scene, rows, sizeof *map->row_p_stay);
+    map->row_alias = keep(scene, rows, sizeof *map->row_alias);
+    map->column_p_stay = keep(scene, width * rows, sizeof *map->column_p_stay);
+    map->column_alias = keep(scene, width * rows, sizeof *map->column_alias);
+    for (size_t k = 0; k < 3 * width * (rows + 1); k++)
+        map->pixels[k] = (Num)(image->value[0][k] * unit);
+    for (size_t j = 0; j < rows; j++) {
+        double fill = cos(PI * (double)j / (double)rows) - cos(PI * (double)(j + 1) / (double)rows), sum = 0;
+        for (size_t i = 0; i < width; i++) {
+            cell[i] = 0;
+            for (size_t k = 0; k < 4; k++)
+                cell[i] += image_mean(image, (i + k % 2) % width, j + k / 2) * unit / 4;
+            sum += cell[i];
+        }
+        for (size_t i = 0; i < width; i++)
+            cell[i] = sum > 0 ? cell[i] / sum : 1 / (double)width;
+        prepare_alias(cell, image->width, map->column_p_stay + width * j, map->column_alias + width * j);
+        map->fill[j] = (Num)(fill * (double)rows / PI);
+        row[j] = fill * sum;
+        total += row[j];
+    }
+    for (size_t j = 0; j < rows; j++)
+        row[j] /= total;
+    prepare_alias(row, image->height - 1, map->row_p_stay, map->row_alias);
+    map->inverse_total = (Num)((double)width / (2 * PI * total));
+    for (int i = 0; i < 3; i++) {
+        double axis[3];
+        column(traits->to_world, i, axis);
+        store(map->axis[i], axis);
+    }
+    free(row);
+    free(cell);
+}
+
+/* A light that is no shape. */
+static void prepare_free(Scene *scene, const EmitterTraits *traits, int i)
+{
+    Emitters *emitters = &scene->emitters;
     emitters->area[i] = 1;
     emitters->slot[i] = emitters->shape[i] = -1;
     if (traits->position)
@@ -127,6 +172,8 @@ static void prepare_free(Emitters *emitters, const EmitterTraits *traits, int i)
     emitters->extent[i] = (Num)(2 * pow(sin(traits->spread / 2), 2));
     if (traits->from == FROM_AROUND)
         emitters->sky = i;
+    if (traits->image)
+        prepare_map(scene, traits);
 }
 
 static void keep_emitters(Scene *scene)
@@ -164,7 +211,9 @@ static void prepare_choice(Scene *scene, double *power, int choice)
         power[i] = choice == LIGHT_CHOICE_UNIFORM || total <= 0 ? 1.0 / emitters->count : power[i] / total;
         emitters->inverse_choice[i] = power[i] > 0 ? (Num)(1 / power[i]) : 0;
     }
-    prepare_alias(scene, power);
+    emitters->alias_p_stay = keep(scene, (size_t)emitters->count, sizeof *emitters->alias_p_stay);
+    emitters->alias = keep(scene, (size_t)emitters->count, sizeof *emitters->alias);
+    prepare_alias(power, emitters->count, emitters->alias_p_stay, emitters->alias);
 }
 
 static void prepare_emitters(
@@ -198,7 +247,7 @@ static void prepare_emitters(
             if (light->kind == EMITTER_AREA)
                 prepare_side(scene, d, light, i, k, first_slot[light->shape]);
             else
-                prepare_free(emitters, &traits, i);
+                prepare_free(scene, &traits, i);
             if (by_tree)
                 leaves[i] = leaf_of(emitters, i, &traits, largest);
         }

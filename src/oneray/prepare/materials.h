@@ -172,6 +172,26 @@ static bool has_finite_parts(const Description *d)
     return has;
 }
 
+static size_t pixels_of(const Image *image) { return image ? (size_t)image->width * (size_t)image->height : 0; }
+
+static void prepare_pixels(Scene *scene, const Description *d)
+{
+    Textures *t = &scene->materials.textures;
+    size_t count = 0;
+    t->first = keep(scene, (size_t)d->texture_count + 1, sizeof *t->first);
+    for (int i = 0; i < d->images.count; i++)
+        count += pixels_of(d->images.all[i]);
+    t->pixels = keep(scene, count, 3 * sizeof *t->pixels);
+    for (size_t i = 0, at = 0; i < (size_t)d->images.count; at += pixels_of(d->images.all[i++])) {
+        const Image *image = d->images.all[i];
+        for (size_t k = 0; k < 3 * pixels_of(image); k++)
+            t->pixels[3 * at + k] = (Num)image->value[0][k];
+        for (int row = 0; row < d->texture_count; row++)
+            if (texture_traits(&d->textures[row]).image == image)
+                t->first[row + 1] = (Int)at;
+    }
+}
+
 static void prepare_textures(Scene *scene, const Description *d)
 {
     Textures *t = &scene->materials.textures;
@@ -188,6 +208,7 @@ static void prepare_textures(Scene *scene, const Description *d)
         TEXTURES(X)
 #undef X
     }
+    prepare_pixels(scene, d);
 }
 
 static void prepare_materials(Scene *scene, const Description *d, const int *first_slot)

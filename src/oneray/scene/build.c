@@ -158,6 +158,7 @@ static Said read_plugin(Builder *builder, const Node *node, const Plugin *plugin
     Said said;
     read_fields(node, plugin->fields, objects, to, &said);
     said.triangles = &builder->description->mesh;
+    said.images = &builder->description->images;
     load_files(builder->description, to, &said);
     load_textures(builder, to, &said);
     if (plugin->check)
@@ -216,9 +217,13 @@ static const Plugin twosided_plugin = {.types = "twosided"};
 static const Plugin blend_plugin = {"blendbsdf", NULL, {
     {"weight", AS_FLOAT, offsetof(Blend, weight), "[0,1]", ""}}};
 
-enum { TWOSIDED = MATERIAL_BLEND + 1 };
+/* What is not opaque lets light pass. */
+static const Plugin mask_plugin = {"mask", NULL, {
+    {"opacity", AS_FLOAT, offsetof(Blend, weight), "[0,1]", "0.5"}}};
+
+enum { TWOSIDED = MATERIAL_BLEND + 1, MASK };
 static const Plugin *const bsdfs[] = {
-    MATERIALS(PLUGIN) [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin};
+    MATERIALS(PLUGIN) [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin, [MASK] = &mask_plugin};
 
 static int add_material(Description *d, Material material)
 {
@@ -253,6 +258,24 @@ static void read_blend(Builder *builder, Node *node)
         node->back = add_material(builder->description, blend);
 }
 
+static void read_mask(Builder *builder, Node *node)
+{
+    Material mask = {.kind = MATERIAL_BLEND, .file = node->file, .line = node->line};
+    Material hole = {.kind = MATERIAL_NULL, .file = node->file, .line = node->line};
+    Node *inner = only_child(node, "bsdf"), *ref = only_child(node, "ref");
+    read_plugin(builder, node, &mask_plugin, "<bsdf>, <ref>", &mask.as.blend);
+    inner = inner ? inner : ref;
+    if (!inner || (ref && ref != inner))
+        fail(node, "<bsdf type=\"mask\"> needs one bsdf inside");
+    null_check(&hole.as.null, NULL);
+    const Node *opaque = read_bsdf(builder, inner);
+    mask.as.blend.first = add_material(builder->description, hole);
+    mask.as.blend.second = opaque->front;
+    node->front = add_material(builder->description, mask);
+    mask.as.blend.second = opaque->back;
+    node->back = add_material(builder->description, mask);
+}
+
 /* One nested bsdf is on both sides; of two, the first is on the side of the normal. */
 static void read_twosided(Builder *builder, Node *node)
 {
@@ -281,6 +304,8 @@ static void read_material(Builder *builder, Node *node)
         read_blend(builder, node);
     } else if (kind == TWOSIDED) {
         read_twosided(builder, node);
+    } else if (kind == MASK) {
+        read_mask(builder, node);
     } else {
         read_plugin(builder, node, bsdfs[kind], "", &material.as);
         node->front = add_material(builder->description, material);

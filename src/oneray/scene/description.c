@@ -119,6 +119,7 @@ void description_free(Description *description)
     free(description->emitters);
     mesh_free(&description->mesh);
     mesh_tree_free(&description->mesh_tree);
+    images_free(&description->images);
     for (int i = 0; i < description->file_count; i++)
         free(description->files[i]);
     free(description->files);

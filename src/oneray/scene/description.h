@@ -3,6 +3,7 @@
 #pragma once
 
 #include "filters/filter.h"
+#include "images/image.h"
 #include "kinds.h"
 #include "kinds/emitters.h"
 #include "kinds/materials.h"
@@ -95,6 +96,7 @@ typedef struct {
     int shape_count;
     Mesh mesh;         /* the triangles of all meshes, one after the other */
     MeshTree mesh_tree;
+    Images images;
     char **files; /* that were read besides the scene's */
     int file_count;
     Emitter *emitters;

@@ -18,6 +18,8 @@ typedef struct {
     Num *numbers; /* by row 2^shift of them: the NameRow of its kind */
     int shift;
     Int *kind; /* TextureKind */
+    Num *pixels; /* of all that look at a picture, one after the other, three numbers each */
+    Int *first;  /* of them, by row */
 } Textures;
 
 /* to_uv, which acts on (u, v) before a texture looks: rows of the matrix, u, v, 1. */

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from raycheck.base.errors import ReferenceError_
 from raycheck.scene.materials import TEXTURED, all_fields
 
 Row = Mapping[str, Any]
@@ -154,8 +155,20 @@ def _rust_name(name: str) -> str:
     return "kind" if name == "type" else name  # a keyword
 
 
+ONLY_JSON = {"bitmap": "pictures", "environment map": "pictures", "reconstruction filter": "filter"}
+"""What a scene may need that constants and words do not say."""
+
+
+def _check(data: Mapping[str, Any]) -> None:
+    for word in data["needs"]:
+        if word in ONLY_JSON:
+            what = ONLY_JSON[word]
+            raise ReferenceError_(f"scene {data['scene']}: its {what} can only be written --as json")
+
+
 def source(data: Mapping[str, Any], language: Language) -> str:
-    """Constants of the scene in that language."""
+    """Constants of the scene in that language; ReferenceError_ if that cannot say what it needs."""
+    _check(data)
     heads = [
         f"{language.comment} Scene {data['scene']}: {', '.join(data['needs'])}.",
         f"{language.comment} Directions to the image's corners are interpolated, then normalised.",
@@ -201,7 +214,10 @@ def source(data: Mapping[str, Any], language: Language) -> str:
 
 
 def text(data: Mapping[str, Any]) -> str:
-    """The scene as numbers and words that people can type in."""
+    """The scene as numbers and words that people can type in; ReferenceError_ if they cannot say what it
+    needs.
+    """
+    _check(data)
     camera = data["camera"]
     lines = [
         f"scene {data['scene']}",

@@ -7,8 +7,9 @@ only, and reflects there only unless its material is `two_sided`; a sphere's nor
 edges, linear in between, and a sphere its axes x, y, z: u is the angle around z from x in turns, v that from
 +z in half turns. Of a disk u is the distance from the center in radii, v the angle from axis_u to axis_v in
 turns. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m². Camera rays
-meet what is between `near_clip` and `far_clip` deep along the view. Without a `filter` a pixel is the mean
-over its own square.
+meet what is between `near_clip` and `far_clip` deep along the view. Pixel (i, j) of a `sky_map`, W × H pixels
+and linear in between, is seen (i + ½)/W of a turn from −z towards x and j/(H − 1) of a half turn from y, of
+its `axes`. Without a `filter` a pixel is the mean over its own square.
 """
 
 import json
@@ -65,6 +66,9 @@ def export(of: Variant) -> dict[str, Any]:
         "materials": [told(one) for one in materials], "primitives": primitives,
         "lights": _lights(scene), "sky": _numbers(scene.sky),
     }  # fmt: skip
+    if scene.sky_map is not None:
+        around = scene.sky_map
+        data["sky_map"] = {"pixels": _numbers(around.radiance), "axes": _numbers(around.axes)}
     return {**data, "needs": needs(data)}
 
 
@@ -88,6 +92,8 @@ def needs(data: dict[str, Any]) -> list[str]:
         words.append("area light")
     if any(data["sky"]):
         words.append("sky")
+    if "sky_map" in data:
+        words.append("environment map")
     if "filter" in data["camera"]:
         words.append("reconstruction filter")
     depth = data["max_depth"]

@@ -16,6 +16,7 @@ import numpy as np
 
 from raycheck.base.arrays import Array
 from raycheck.scene.document import Element
+from raycheck.scene.pictures import read_picture
 from raycheck.scene.plugins import Said, described, fail
 
 METALS = Path(__file__).with_name("metals.json")
@@ -24,13 +25,16 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Texture:
-    """`kind` is Mitsuba's type. A checkerboard has two `colours` (2, 3), by turns in fields half a unit wide
-    of the (u, v) that `to_uv` (4, 4) makes of the surface's.
+    """`kind` is Mitsuba's type. `to_uv` (4, 4) acts on the surface's (u, v) first. A checkerboard has two
+    `colours` (2, 3), by turns in fields half a unit wide; a bitmap `colours` (height, width, 3), a `filter`
+    between them and a way to `wrap`, by Mitsuba's names.
     """
 
     kind: str
     colours: Array
     to_uv: Array
+    filter: str = ""
+    wrap: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,8 @@ class Material:
     @property
     def has_back(self) -> bool:
         """It, or a part of it, is seen from behind."""
-        return self.two_sided or self.kind == "dielectric" or any(part.has_back for part in self.parts)
+        own = self.two_sided or self.kind in ("dielectric", "null")
+        return own or any(part.has_back for part in self.parts)
 
     @property
     def wants_uv(self) -> bool:
@@ -127,6 +132,10 @@ def _roughness(what: str) -> Row:
     return {**NUMBER, "exclusiveMinimum": 0, "description": meaning}
 
 
+PIXELS: Row = {
+    "type": "array", "items": {"type": "array", "items": COLOUR},
+    "description": "Rows from the top, where v is 0; the first pixel's middle is half a pixel from its edges",
+}  # fmt: skip
 WEIGHT = {**NUMBER, "minimum": 0, "maximum": 1}
 PARTS = {"type": "array", "items": {"$ref": "#/$defs/material"}, "minItems": 2, "maxItems": 2}
 
@@ -148,19 +157,39 @@ class Kind:
 class TextureKind:
     """A kind of texture."""
 
-    read: Callable[[Said], Texture]
+    read: Callable[[Said, Callable[[str], Path]], Texture]
+    """The function says where a file is that the scene calls so."""
     told: Callable[[Texture], Row]
     fields: Mapping[str, Row]
 
 
-def _checkerboard(said: Said) -> Texture:
+def _checkerboard(said: Said, _: Callable[[str], Path]) -> Texture:
     colours = np.stack([said.triple("color0"), said.triple("color1")])
     return Texture("checkerboard", colours, said.transform("to_uv"))
 
 
 def _told_checkerboard(one: Texture) -> Row:
-    rows = np.vstack([one.to_uv[:2, [0, 1, 3]], [0.0, 0, 1]])
-    return {"color0": one.colours[0].tolist(), "color1": one.colours[1].tolist(), "to_uv": rows.tolist()}
+    return {"color0": one.colours[0].tolist(), "color1": one.colours[1].tolist(), "to_uv": _told_matrix(one)}
+
+
+def _told_matrix(one: Texture) -> Row:
+    rows: Row = np.vstack([one.to_uv[:2, [0, 1, 3]], [0.0, 0, 1]]).tolist()
+    return rows
+
+
+def _bitmap(said: Said, file: Callable[[str], Path]) -> Texture:
+    colours = read_picture(file(said.word("filename")), said.flag("raw"))
+    if not ((colours >= 0) & (colours <= 1)).all():
+        fail(said.element, f"{described(said.element)}: reflectances are in [0,1], and its picture is not")
+    return Texture(
+        "bitmap", colours, said.transform("to_uv"), said.word("filter_type"), said.word("wrap_mode")
+    )
+
+
+def _told_bitmap(one: Texture) -> Row:
+    return {
+        "pixels": one.colours.tolist(), "filter": one.filter, "wrap": one.wrap, "to_uv": _told_matrix(one)
+    }  # fmt: skip
 
 
 TEXTURES: dict[str, TextureKind] = {
@@ -170,6 +199,14 @@ TEXTURES: dict[str, TextureKind] = {
             "color0": {**COLOUR, "description": "Where u and v are in the same half of their unit"},
             "color1": {**COLOUR, "description": "Elsewhere"},
             "to_uv": {**THREE, "description": "Matrix that makes of (u, v, 1) the place on the board"},
+        },
+    ),
+    "bitmap": TextureKind(
+        _bitmap, _told_bitmap,
+        {
+            "pixels": PIXELS, "filter": {"enum": ["bilinear", "nearest"]},
+            "wrap": {"enum": ["repeat", "mirror", "clamp"], "description": "Outside of (0, 0) to (1, 1)"},
+            "to_uv": {**THREE, "description": "Matrix that makes of (u, v, 1) the place on the picture"},
         },
     ),
 }  # fmt: skip
@@ -241,6 +278,14 @@ def _told_blend(one: Material) -> Row:
     return {"type": "blend", "weight_of_second": one.weight, "parts": [told(part) for part in one.parts]}
 
 
+def _mask(of: Source) -> Material:
+    """A blend with what lets light pass."""
+    if len(of.parts) != 1:
+        fail(of.said.element, f"{described(of.said.element)} needs one bsdf inside")
+    parts = (Material("null", np.ones(3)), of.parts[0])
+    return Material("blendbsdf", np.zeros(3), weight=of.said.number("opacity"), parts=parts)
+
+
 def _twosided(of: Source) -> Material:
     parts, which = of.parts, described(of.said.element)
     if not 0 < len(parts) < 3:
@@ -274,6 +319,8 @@ MATERIALS: dict[str, Kind] = {
     "blendbsdf": Kind(
         _blend, _told_blend, {"blend": {"weight_of_second": WEIGHT, "parts": PARTS}}, ("bsdf", "ref")
     ),
+    "null": Kind(lambda _: Material("null", np.ones(3)), lambda _: {"type": "null"}, {"null": {}}),
+    "mask": Kind(_mask, _told_blend, {}, ("bsdf", "ref")),
     "twosided": Kind(_twosided, lambda one: told(one), {}, ("bsdf", "ref")),
 }  # fmt: skip
 """By Mitsuba's name."""
@@ -291,13 +338,13 @@ def read_material(
         return kind.read(Source(said, [inner(one) for one in element if one.tag in holds], texture))
 
 
-def read_texture(element: Element) -> Texture:
-    """Of a <texture>."""
+def read_texture(element: Element, file: Callable[[str], Path]) -> Texture:
+    """Of a <texture>; `file` says where one is that the scene calls so."""
     kind = TEXTURES.get(element.attrib["type"])
     with Said(element) as said:
         if kind is None:
             fail(element, f"{described(element)} is not supported by raycheck")
-        return kind.read(said)
+        return kind.read(said, file)
 
 
 def told(one: Material) -> Row:
@@ -345,10 +392,10 @@ def _of_schema(name: str, fields: Mapping[str, Row]) -> Row:
 
 
 def all_fields() -> dict[str, Row]:
-    """What the schema says of the fields that materials may have, in their order, without a blend's parts."""
+    """What the schema says of the fields that materials may have, in order, but parts and pictures."""
     kinds = [fields for kind in MATERIALS.values() for fields in kind.fields.values()]
     found: dict[str, Row] = {}
     for fields in (*kinds, *(fields for name in TEXTURED for fields in _instead(name))):
         for name, said in fields.items():
             found.setdefault(name, said)
-    return {name: said for name, said in found.items() if said is not PARTS}
+    return {name: said for name, said in found.items() if "enum" not in said and said not in (PARTS, PIXELS)}

@@ -16,6 +16,7 @@ from raycheck.base.arrays import Array
 from raycheck.scene import document
 from raycheck.scene.document import Element
 from raycheck.scene.materials import Material, Texture, read_material, read_texture
+from raycheck.scene.pictures import read_picture
 from raycheck.scene.plugins import Said, check_attributes, children, described, fail, only, uniform_scale
 
 
@@ -123,6 +124,16 @@ class Camera:
 
 
 @dataclass(frozen=True)
+class SkyMap:
+    """An environment as a picture, linear between its pixels: pixel (i, j) of `radiance` (H, W, 3) is
+    (i + ½)/W of a turn from −z towards x, and j/(H − 1) of a half turn from y, of `axes` (3, 3), a row each.
+    """
+
+    radiance: Array
+    axes: Array
+
+
+@dataclass(frozen=True)
 class Scene:
     camera: Camera
     max_depth: int
@@ -131,13 +142,15 @@ class Scene:
     suns: tuple[Sun, ...] = ()
     spots: tuple[Spot, ...] = ()
     sky: Array = field(default_factory=lambda: np.zeros(3))
-    """(3,) radiance of what is beyond all shapes."""
+    """(3,) radiance of what is beyond all shapes, if that is no picture."""
+    sky_map: SkyMap | None = None
     roulette_depth: int = 5
     hide_emitters: bool = False
 
     @property
     def only_shapes_shine(self) -> bool:
-        return not (self.point_lights or self.suns or self.spots or self.sky.any())
+        other = self.point_lights or self.suns or self.spots or self.sky.any() or self.sky_map is not None
+        return not other
 
 
 PARTS = ("emitter", "film", "rfilter", "sampler")
@@ -150,15 +163,16 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
     root = said.resolved()
     _check_root(root)
     _place_parts(root)
-    materials = _Materials(root)
+    materials = _Materials(root, said.file)
     max_depth, roulette_depth, hide_emitters = _integrator(only(root, "integrator"))
     sensor = document.sensor(root)
     if sensor is None:
         fail(root, '<scene> needs a <sensor type="perspective">')
-    emitters = [_emitter(e) for e in root.findall("emitter")]
+    emitters = [_emitter(e, said.file) for e in root.findall("emitter")]
     skies = [sky for sky in emitters if isinstance(sky, np.ndarray)]
-    for another in root.findall("./emitter[@type='constant']")[1:]:
-        fail(another, f"a second {described(another)}")
+    around = [e for e in root.findall("emitter") if e.get("type") in ("constant", "envmap")]
+    for another in around[1:]:
+        fail(another, f"a second {described(around[0])}")
     shapes = []
     for element in root.findall("shape"):
         shape = _shape(element, materials, said.file)
@@ -174,6 +188,7 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
         suns=tuple(e for e in emitters if isinstance(e, Sun)),
         spots=tuple(e for e in emitters if isinstance(e, Spot)),
         sky=sum(skies, np.zeros(3)),
+        sky_map=next((e for e in emitters if isinstance(e, SkyMap)), None),
         roulette_depth=roulette_depth,
         hide_emitters=hide_emitters,
     )
@@ -249,7 +264,8 @@ def _place_parts(root: Element) -> None:
 class _Materials:
     """The materials and textures of a scene; a material that several shapes refer to is one and the same."""
 
-    def __init__(self, root: Element):
+    def __init__(self, root: Element, file: Callable[[str], Path]):
+        self._file = file
         self._by_id: dict[str, Element] = {}
         self._read: dict[Element, Material | None] = {}
         self._others = [*root.findall("bsdf"), *root.findall("texture")]
@@ -284,7 +300,7 @@ class _Materials:
 
     def texture(self, element: Element) -> Texture:
         """That of a <texture>, or of the one that a <ref> means."""
-        return read_texture(self._meant(element, "texture"))
+        return read_texture(self._meant(element, "texture"), self._file)
 
     def check_others(self) -> None:
         """Those that no shape uses."""
@@ -349,9 +365,11 @@ def _area_light(element: Element) -> Array:
         return said.triple("radiance")
 
 
-def _emitter(element: Element) -> "PointLight | Sun | Spot | Array":
+def _emitter(element: Element, file: Callable[[str], Path]) -> "PointLight | Sun | Spot | SkyMap | Array":
     """One that is no shape's; the radiance (3,) of a constant one."""
     with Said(element) as said:
+        if said.type == "envmap":
+            return _sky_map(said, file)
         if said.type == "constant":
             return said.triple("radiance")
         if said.type == "point":
@@ -369,6 +387,17 @@ def _emitter(element: Element) -> "PointLight | Sun | Spot | Array":
             return _spot(said)
     where = "must stand in a <shape>, which is what shines" if said.type == "area" else "is not supported"
     fail(element, f"{described(element)} {where}")
+
+
+def _sky_map(said: Said, file: Callable[[str], Path]) -> SkyMap:
+    to_world, path = said.transform("to_world"), file(said.word("filename"))
+    if not abs(uniform_scale(to_world, 1e-3) - 1) <= 1e-3:
+        fail(said.element, '"to_world" of an environment may only turn or mirror it')
+    pixels = said.number("scale") * read_picture(path, raw=False)
+    if min(pixels.shape[:2]) < 2 or not (pixels >= 0).all():
+        fail(said.element, f"{path}: an environment has 2 x 2 pixels or more, and none is negative")
+    axes = to_world[:3, :3].T / np.linalg.norm(to_world[:3, :3], axis=0)[:, None]
+    return SkyMap(pixels, axes)
 
 
 def _one_of(said: Said, name: str, value: Array, by_matrix: Array) -> Array:

@@ -15,7 +15,7 @@ from raycheck.scene.materials import MATERIALS, TEXTURES
 UNLIMITED = "bounces without limit"
 KINDS: Mapping[str, Sequence[str]] = {
     "shapes": ("parallelogram", "sphere", "disk", "triangle"),
-    "lights": ("area light", "point light", "spot light", "sun", "sky"),
+    "lights": ("area light", "point light", "spot light", "sun", "sky", "environment map"),
     "surfaces": (
         *dict.fromkeys(name for kind in MATERIALS.values() for name in kind.fields), *TEXTURES, "two-sided",
     ),

@@ -30,7 +30,7 @@ def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | No
     Raises ValueError for a parameter that the scene does not have.
     """
     scene = with_faces(read_scene(path, parameters))
-    form = FORMS.get(name) if scene.camera.filter.is_pixel else None
+    form = FORMS.get(name) if scene.camera.filter.is_pixel and scene.sky_map is None else None
     radiance = form(scene) if form else None
     if radiance is None:
         return None
