@@ -195,6 +195,7 @@ def test_direct_by_another_name(oneray: Path, tmp_path: Path) -> None:
     projective = '<integrator type="direct_projective"><integer name="sppi" value="0"/></integrator>'
     direct = PLAIN.replace(INTEGRATOR, DIRECT)
     left, line = same(oneray, tmp_path, PLAIN.replace(INTEGRATOR, projective), plain=direct)
+    assert left == '2: "sppi" = "0" is left out: it changes no mean of a pixel'
     assert line == '2: <integrator type="direct_projective"> is rendered as direct, which has the same mean'
 
 
