@@ -302,6 +302,22 @@ def test_the_first_of_two_defaults_holds(oneray: Path, tmp_path: Path) -> None:
     assert same(oneray, tmp_path, text.replace('red" value="0.5"', 'red" value="0.1"'), "-Dred=0.5") == [line]
 
 
+def test_a_default_may_stand_in_what_has_a_type(oneray: Path, tmp_path: Path) -> None:
+    """It holds from there on, as in Mitsuba."""
+    blue = '<bsdf type="diffuse" id="paint"><default name="blue" value="0.75"/>'
+    text = PLAIN.replace('<bsdf type="diffuse" id="paint">', blue).replace(
+        '0.75"/></bsdf>', '$blue"/></bsdf>'
+    )
+    assert text.count("$blue") == 1 and same(oneray, tmp_path, text) == []
+    later = scene(INTEGRATOR, SENSOR, BSDF, BODY.replace('value="9"', 'value="$nine"'))
+    text = later.replace("<film ", '<default name="nine" value="9"/><film ')
+    assert same(oneray, tmp_path, text) == []
+    assert same(oneray, tmp_path, text.replace('"nine" value="9"', '"nine" value="1"'), "-Dnine=9") == []
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    mi.load_string(text)
+
+
 CHECKS = '<bsdf type="diffuse" id="paint"><texture type="checkerboard" name="reflectance">{}</texture></bsdf>'
 TO_UV = {
     '<float name="uoffset" value="0.3"/><float name="vscale" value="2"/>':
