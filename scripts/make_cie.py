@@ -5,10 +5,10 @@ src/raycheck/scene/cie.json.
 
 The CIE 1931 2° colour-matching functions and the standard illuminant D65, as Mitsuba has them. Their source
 is the CIE, Vienna, which publishes both under CC BY-SA 4.0 (doi:10.25039/CIE.DS.xvudnb9b, the file
-CIE_xyz_1931_2deg.csv, and doi:10.25039/CIE.DS.hjfjmt59, CIE_std_illum_D65.csv). That licence wants the source,
-itself and what was changed to be named, and the tables stay under it: the files say so, and LICENSE. Changed:
-every 5 nm from 360 to 830 nm, in single precision, and D65 over that of an equal power, so that white is 1.
-Mitsuba, which has them so, is under the BSD 3-Clause licence.
+CIE_xyz_1931_2deg.csv, and doi:10.25039/CIE.DS.hjfjmt59, CIE_std_illum_D65.csv). That licence wants the
+source, itself and what was changed to be named, and the tables stay under it: they say so, and LICENSE does.
+Changed: every 5 nm from 360 to 830 nm, in single precision, and D65 over that of an equal power, so that
+white is 1. Mitsuba, which has them so, is under the BSD 3-Clause licence.
 """
 
 from __future__ import annotations

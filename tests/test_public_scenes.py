@@ -75,9 +75,8 @@ def test_pictures_are_judged_against_mitsuba(oneray: Path, tmp_path: Path) -> No
     assert (status, found["verdict"], found["errors"]) == (0, "PASS", {}), printed
     assert 0 < found["detectable"] <= 0.01 and found["size"] == [24, 24]
     brighter = tmp_path / "brighter"
-    brighter.write_text(
-        f'#!/bin/sh\n[ "$2" = --check ] || sed -i \'s/"radiance" value="1"/"radiance" value="1.05"/\' "$1"\nexec {oneray} "$@"\n'
-    )
+    change = 's/"radiance" value="1"/"radiance" value="1.05"/'
+    brighter.write_text(f'#!/bin/sh\n[ "$2" = --check ] || sed -i \'{change}\' "$1"\nexec {oneray} "$@"\n')
     brighter.chmod(0o755)
     status, [kept], _ = run(tmp_path, {"a.xml": BALL + SKY}, ONERAY=str(brighter))
     assert (status, kept) == (0, found)

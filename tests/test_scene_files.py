@@ -195,6 +195,7 @@ def test_direct_by_another_name(oneray: Path, tmp_path: Path) -> None:
     projective = '<integrator type="direct_projective"><integer name="sppi" value="0"/></integrator>'
     direct = PLAIN.replace(INTEGRATOR, DIRECT)
     left, line = same(oneray, tmp_path, PLAIN.replace(INTEGRATOR, projective), plain=direct)
+    assert left == '2: "sppi" = "0" is left out: it changes no mean of a pixel'
     assert line == '2: <integrator type="direct_projective"> is rendered as direct, which has the same mean'
 
 
@@ -299,6 +300,22 @@ def test_the_first_of_two_defaults_holds(oneray: Path, tmp_path: Path) -> None:
     [line] = same(oneray, tmp_path, text)
     assert line == '2: the default "red" is given twice: the first holds, as in Mitsuba'
     assert same(oneray, tmp_path, text.replace('red" value="0.5"', 'red" value="0.1"'), "-Dred=0.5") == [line]
+
+
+def test_a_default_may_stand_in_what_has_a_type(oneray: Path, tmp_path: Path) -> None:
+    """It holds from there on, as in Mitsuba."""
+    blue = '<bsdf type="diffuse" id="paint"><default name="blue" value="0.75"/>'
+    text = PLAIN.replace('<bsdf type="diffuse" id="paint">', blue).replace(
+        '0.75"/></bsdf>', '$blue"/></bsdf>'
+    )
+    assert text.count("$blue") == 1 and same(oneray, tmp_path, text) == []
+    later = scene(INTEGRATOR, SENSOR, BSDF, BODY.replace('value="9"', 'value="$nine"'))
+    text = later.replace("<film ", '<default name="nine" value="9"/><film ')
+    assert same(oneray, tmp_path, text) == []
+    assert same(oneray, tmp_path, text.replace('"nine" value="9"', '"nine" value="1"'), "-Dnine=9") == []
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    mi.load_string(text)
 
 
 CHECKS = '<bsdf type="diffuse" id="paint"><texture type="checkerboard" name="reflectance">{}</texture></bsdf>'

@@ -38,7 +38,7 @@ def test_nothing_that_is_committed_is_stale() -> None:
 
 
 def test_every_committed_result_is_known() -> None:
-    """Those of the harness's own tests, of the size of the code and of what others wrote rest on no picture."""
+    """Those of the harness's own tests, of the size of the code and of others' files rest on no picture."""
     files = {
         path.relative_to(data.references_dir()).as_posix() for path in data.references_dir().rglob("*.json")
     }

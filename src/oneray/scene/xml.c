@@ -168,8 +168,8 @@ static void check_attributes(const Node *node, const char *allowed, int needed)
 static void add_default(Reader *reader, const Node *node)
 {
     const char *name = attribute(node, "name");
-    if (!node->parent || node->parent->parent)
-        fail(node, "<default> must stand directly in <scene>");
+    if (!node->parent || (node->parent->parent && !attribute(node->parent, "type")))
+        fail(node, "<default> must stand in <scene>, or in what has a type");
     if (!*name || name[strspn(name, NAME_CHARACTERS)])
         fail(node, "<default name=\"%.80s\">: a name has letters, digits and _ only", name);
     Parameter *parameter = parameter_at(reader, name);
@@ -374,7 +374,7 @@ static void XMLCALL on_start(void *data, const char *tag, const char **attribute
     if (!node->parent)
         reader->scene->root = node;
     else if (strcmp(tag, "include") != 0)
-        put_under(node->parent, node);
+        put_under(strcmp(tag, "default") ? node->parent : reader->scene->root, node);
     reader->open = node;
 }
 

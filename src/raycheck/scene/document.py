@@ -71,6 +71,9 @@ class Document:
         for element, known in self._walk(root):
             for key, text in element.attrib.items():
                 element.set(key, _filled(text, known, self.path))
+        for element in [one for one in root.iter() if one is not root and "type" in one.attrib]:
+            for default in element.findall("default"):
+                element.remove(default)  # whose value is in its places now
         return root
 
     def names(self) -> list[str]:
