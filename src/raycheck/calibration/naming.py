@@ -20,7 +20,7 @@ from raycheck.judging.looks import Look, look_at_means
 from raycheck.judging.mistakes import catalogue, load, scenes
 from raycheck.truth.provenance import provenance
 
-METHOD = 2
+METHOD = 3
 """Version of how mistakes are named, see truth.provenance."""
 SAME = 0.15
 """Relative difference of signatures below which two mistakes look the same."""

@@ -34,7 +34,7 @@ from raycheck.truth import provenance
 
 FOLDER = ROOT / "tests/unseen"
 WORK = ROOT / "build/unseen"
-METHOD = 1
+METHOD = 2
 """Version of how they are judged, see truth.provenance."""
 CONFIDENCE = 0.95
 """Of Clopper's and Pearson's interval of the share of false sentences."""
