@@ -68,7 +68,7 @@ def errors_of_means(scene: str, means: Array, truth: Truth) -> TileErrors:
 
 
 def _as_noisy_as_the_rest(own: Array, truth: Truth) -> Array:
-    """The variance (T, 3) of tiles, at least that of the reference's samples times the median ratio of both."""
+    """The variance (T, 3) of tiles; none is below that of the reference's samples times the median ratio."""
     one = region_variances(truth.sample_variance, grid(*truth.shape))
     noisy = (own > 0) & (one > 0)
     return np.maximum(own, one * np.median(own[noisy] / one[noisy])) if noisy.any() else own
