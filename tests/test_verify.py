@@ -189,8 +189,8 @@ def test_clamped_samples_are_shown_by_their_values(truth):
 
 
 def test_sentence_and_table_are_of_one_channel_and_one_level(truth):
-    """Bright in red on the left and dark in blue on the right, as no convention has it: the sentence tells the
-    image of the channel and with the figures that stand in the table, and nothing that is of all of it.
+    """Bright in red on the left and dark in blue on the right, as no convention has it: the sentence has the
+    channel and the figures that stand in the table, and says nothing of the picture as a whole beside them.
     """
     left = np.linspace(1, 0, 64)[None, :, None]
     wrong = truth * (1 + 0.3 * left**2 * [1, 0, 0] - 0.2 * (1 - left) ** 3 * [0, 0, 1])
