@@ -97,6 +97,24 @@ def test_a_picture_that_is_gone_is_told() -> None:
     assert line == "no-such-scene nee auto was 0123456789abcdef, and is no picture today"
 
 
+@pytest.mark.parametrize("file", ["techniques.json", "error_curves.json", "signatures/manifest.json"])
+def test_a_scene_that_was_never_measured_is_told(file: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the first entry were if it were not there."""
+    result = BY_FILE[file, "scenes"]
+    [first, *rest] = result.entries().items()
+    monkeypatch.setattr(stale.Result, "entries", lambda self: dict(rest))
+    assert result.stale() == {first[0]: ["it is not measured yet"]}
+
+
+@pytest.mark.parametrize("section", ["mutants", "naming"])
+def test_a_mistake_that_was_never_judged_is_told(section: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = BY_FILE["calibration.json", section]
+    entry = json.loads(json.dumps(result.entries()[section]))
+    del entry["provenance"]["pictures"]["mutant nee-no-cosine"]
+    monkeypatch.setattr(stale.Result, "entries", lambda self: {section: entry})
+    assert result.stale() == {section: ["mutant nee-no-cosine is not in it"]}
+
+
 def test_only_what_is_stale_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command gets the names of these scenes, and the others' figures stay to the letter."""
     result = BY_FILE["techniques.json", "scenes"]
