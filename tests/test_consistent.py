@@ -149,9 +149,14 @@ def test_wrong_words_are_one_line(words):
 
 
 def test_a_fail_says_that_a_bias_may_be_meant():
-    fail = Case("s", "renderer", Outcome.FAIL, "off", bias=0.03)
+    fail = Case("s", "renderer", Outcome.FAIL, "the image as a whole is 3 % too dark (odds)", bias=0.03)
     assert "--consistent PARAM=v1,v2,v3,v4 judges its limit" in verify_module.may_shrink(fail).reason
-    for other in (replace(fail, bias=0.5), replace(fail, bias=None), replace(fail, verdict=Outcome.PASS)):
+    others = [replace(fail, bias=0.5), replace(fail, bias=None), replace(fail, verdict=Outcome.PASS)]
+    known = (
+        "the direct light is missing; everything else agrees",
+        f"{fail.reason}; it looks like this mistake: “x”",
+    )
+    for other in (*others, *(replace(fail, reason=reason) for reason in known)):
         assert verify_module.may_shrink(other) == other
     once = verify_module.may_shrink(fail)
     assert verify_module.may_shrink(once) == once, "a verdict of an earlier run"

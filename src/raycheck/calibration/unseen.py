@@ -27,6 +27,7 @@ from raycheck.base.files import write_whole
 from raycheck.calibration import mutants
 from raycheck.calibration.lines import append_lines, read_lines
 from raycheck.calibration.mutants import Mutant
+from raycheck.judging import sentences
 from raycheck.judging.verify import verify
 from raycheck.scene import export, variants
 from raycheck.scene.techniques import technique
@@ -158,16 +159,9 @@ def measure(file: Path, wanted: Sequence[Unseen]) -> Iterator[dict[str, Any]]:
             yield found
 
 
-WHERE = re.compile(r"the image as a whole is|(all )?\d+ (of \d+ )?tiles differ|no single tile is far off")
-"""How a sentence begins that says where a picture differs, and not by what."""
-
-
 def named(said: str) -> str:
     """What a FAIL's sentence names, its figures left out; empty where it names nothing."""
-    told = re.sub(r" \((by chance )?correct renderers [^()]*\)", "", said)
-    if WHERE.match(told):
-        told = "".join(re.findall(r"; ((?:it looks like|bright samples are) .*)", told))
-    return re.sub(r"\d+(\.\d+)?", "#", told)
+    return re.sub(r"\d+(\.\d+)?", "#", sentences.by_what(said))
 
 
 def summary(file: Path, wanted: Sequence[Unseen]) -> dict[str, object]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from raycheck.base.errors import NotFound
 from raycheck.base.machine import machine, raycheck_version
+from raycheck.judging import sentences
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda, supported
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.consistent import Sweep, judge_limit
@@ -185,9 +186,10 @@ def level_of_case(level: float | None, cases: int) -> float:
 
 
 def may_shrink(case: Case) -> Case:
-    """The case of a command, with what a small bias may also be."""
+    """The case of a command, with what a small bias may also be, where nobody knows what it is."""
     small = case.bias is not None and abs(case.bias) < MAY_SHRINK
-    if case.verdict is not Outcome.FAIL or not small or case.reason.endswith(SHRINKS):
+    known = sentences.by_what(case.reason) or case.reason.endswith(SHRINKS)
+    if case.verdict is not Outcome.FAIL or not small or known:
         return case
     return replace(case, reason=f"{case.reason}; {SHRINKS}")
 
