@@ -28,7 +28,15 @@ from raycheck.base.data import ROOT
 from raycheck.base.files import write_whole
 from raycheck.base.text import scenes_json
 from raycheck.calibration import (
-    gradings, kills, many_looks, mutants, naming, nulls, part_making, signatures, unseen,
+    gradings,
+    kills,
+    many_looks,
+    mutants,
+    naming,
+    nulls,
+    part_making,
+    signatures,
+    unseen,
 )  # fmt: skip
 from raycheck.judging import judge_renderer
 from raycheck.measuring import prices

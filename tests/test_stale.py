@@ -154,6 +154,30 @@ def test_only_what_is_stale_is_measured(tmp_path: Path, monkeypatch: pytest.Monk
     }
 
 
+def test_what_is_measured_for_the_first_time_gets_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = BY_FILE["techniques.json", "scenes"]
+    kept = json.loads(result.path.read_text(encoding="utf-8"))
+    names = [entry["scene"] for entry in kept["scenes"]]
+    kept["scenes"] = [entry for entry in kept["scenes"] if entry["scene"] != "caustic"]
+    (tmp_path / result.file).write_text(json.dumps(kept), encoding="utf-8")
+
+    class Done:
+        returncode = 0
+
+    def measured(words: list[str], cwd: Path, check: bool) -> Done:
+        fresh = {"scene": "caustic", "techniques": [], "provenance": {}}
+        Path(words[-1]).write_text(json.dumps({"scenes": [fresh]}), encoding="utf-8")
+        return Done()
+
+    monkeypatch.setattr(stale, "REFERENCES", tmp_path)
+    monkeypatch.setattr(stale.subprocess, "run", measured)
+    stale.measure(result, ["caustic"])
+    now = json.loads((tmp_path / result.file).read_text(encoding="utf-8"))
+    assert [entry["scene"] for entry in now["scenes"]] == names
+
+
 @pytest.mark.parametrize("result", [one for one in stale.RESULTS if one.text], ids=lambda one: one.file)
 def test_a_file_is_written_as_its_command_writes_it(result: stale.Result) -> None:
     text = result.path.read_text(encoding="utf-8")
