@@ -42,7 +42,6 @@ from raycheck.judging import judge_renderer
 from raycheck.measuring import prices
 from raycheck.measuring.races import racing
 from raycheck.measuring.stability import results, sweeps
-from raycheck.scene.variants import scene_names
 from raycheck.truth.provenance import changes, payload
 
 REFERENCES = ROOT / "references"
@@ -112,10 +111,10 @@ RESULTS = (
     Result("verification.json", "cases", judge_renderer.METHOD,
            f"{RAYCHECK} verify --thorough --resume --json {{file}}", ("scene", "technique")),
     Result("techniques.json", "scenes", prices.METHOD, f"{RAYCHECK} techniques {{stale}} --json {{file}}",
-           ("scene",), partial(rows, "techniques"), scene_names),
+           ("scene",), partial(rows, "techniques")),
     Result("error_curves.json", "scenes", racing.METHOD,
            f"{RAYCHECK} report {{stale}} --against mitsuba --seconds 2 -o build/report --json {{file}} "
-           "--verification references/verification.json", ("scene",), partial(rows, "curves"), scene_names),
+           "--verification references/verification.json", ("scene",), partial(rows, "curves")),
     Result("stability.json", "cases", sweeps.METHOD, f"{RAYCHECK} stability {{stale}} --json {{file}}",
            ("case",), results.as_text),
     Result("benchmark.json", "scenes", benchmark_measure.METHOD,
