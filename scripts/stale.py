@@ -42,7 +42,6 @@ from raycheck.judging import judge_renderer
 from raycheck.measuring import prices
 from raycheck.measuring.races import racing
 from raycheck.measuring.stability import results, sweeps
-from raycheck.scene.variants import scene_names
 from raycheck.truth.provenance import changes, payload
 
 REFERENCES = ROOT / "references"
