@@ -111,10 +111,10 @@ RESULTS = (
     Result("verification.json", "cases", judge_renderer.METHOD,
            f"{RAYCHECK} verify --thorough --resume --json {{file}}", ("scene", "technique")),
     Result("techniques.json", "scenes", prices.METHOD, f"{RAYCHECK} techniques {{stale}} --json {{file}}",
-           ("scene",), partial(rows, "techniques"), scene_names),
+           ("scene",), partial(rows, "techniques")),
     Result("error_curves.json", "scenes", racing.METHOD,
            f"{RAYCHECK} report {{stale}} --against mitsuba --seconds 2 -o build/report --json {{file}} "
-           "--verification references/verification.json", ("scene",), partial(rows, "curves"), scene_names),
+           "--verification references/verification.json", ("scene",), partial(rows, "curves")),
     Result("stability.json", "cases", sweeps.METHOD, f"{RAYCHECK} stability {{stale}} --json {{file}}",
            ("case",), results.as_text),
     Result("benchmark.json", "scenes", benchmark_measure.METHOD,

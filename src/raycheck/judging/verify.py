@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from raycheck.base.errors import NotFound
 from raycheck.base.machine import machine, raycheck_version
-from raycheck.judging import sentences
 from raycheck.judging.agenda import Agenda, Task, oneray_agenda, renderer_agenda, supported
 from raycheck.judging.cases import Case, Verification
 from raycheck.judging.consistent import Sweep, judge_limit
