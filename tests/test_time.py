@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulated import Simulated
+from simulated import Simulated, truth_at
 
 import raycheck
 from raycheck.base.errors import CannotRender, NotFound
 from raycheck.base.text import duration, times
-from raycheck.stats.verdict import Outcome
+from raycheck.judging import plan as planning
+from raycheck.scene.variants import variant
+from raycheck.stats.verdict import Limits, Outcome
 
 HERE = Path(__file__).parent
 SCENE = "area-light"
@@ -86,9 +88,26 @@ def test_the_seconds_that_are_said_after_looks_decide() -> None:
         one, longer = (Simulated(start=0.2, sample=2e-3, noise=noise) for _ in range(2))
         [again] = judged(one, until=case.more_seconds).cases
         assert again.verdict is Outcome.PASS and again.looks > 1
-        assert one.now > case.more_seconds / 2
+        assert case.more_seconds / 2 < one.now < 0.95 * case.more_seconds, "something is in reserve"
         [short] = judged(longer, until=case.more_seconds / 3).cases
         assert short.verdict is Outcome.INCONCLUSIVE
+
+
+def test_the_more_regions_chance_may_take_too_far_the_more_samples_are_said(monkeypatch) -> None:
+    truth = truth_at(variant(SCENE).path)
+    even = np.full_like(truth.sample_variance, 0.2 * truth.mean.mean() ** 2)
+    pilot = planning.Pilot(even, {size: np.zeros_like(t) for size, t in truth.skewness.items()}, 1.0)
+    needed = planning.more_needed(pilot, truth, 32, Limits(), 1)
+    whole = planning._unlucky
+    noise = np.abs(np.random.default_rng(1).standard_t(50, (4000, 64)))
+    said = whole(np.full((64, 3), 3.0), 50)
+    assert said == pytest.approx((noise > 3.0).any(axis=1).mean(), rel=0.25)
+
+    def of_the_worst(luck, freedom):
+        return whole(luck[[luck.min(axis=1).argmin()]], freedom)
+
+    monkeypatch.setattr(planning, "_unlucky", of_the_worst)
+    assert needed > 1.2 * planning.more_needed(pilot, truth, 32, Limits(), 1) > 1.2
 
 
 def test_seconds_hold() -> None:
