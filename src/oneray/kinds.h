@@ -47,7 +47,10 @@
 /* What a reflectance can be instead of a colour. */
 #define TEXTURES(X) X(CHECKERBOARD, checkerboard, "checkerboard")
 #define MEDIA(X)
-#define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
+#define SENSORS(X)                                                                                           \
+    X(PERSPECTIVE, perspective, "perspective")                                                               \
+    X(THINLENS, thinlens, "thin lens")                                                                       \
+    X(ORTHOGRAPHIC, orthographic, "orthographic")
 /* What weighs the film around a pixel's middle. */
 #define FILTERS(X)                                                                                           \
     X(BOX, box, "box")                                                                                       \

@@ -669,7 +669,8 @@ static void check_box(const char *file, int line, const double low[3], const dou
 static void check_lengths(const Description *d)
 {
     SensorTraits sensor = sensor_traits(&d->sensor);
-    check_box(d->sensor.file, d->sensor.line, sensor.origin, sensor.origin);
+    Extent eye = ball_extent(sensor.origin, sensor.reach);
+    check_box(d->sensor.file, d->sensor.line, eye.low, eye.high);
     check_length(d->sensor.file, d->sensor.line, sensor.farthest);
     for (int i = 0; i < d->shape_count; i++) {
         Extent extent = shape_extent(&d->shapes[i]);

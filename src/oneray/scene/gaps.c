@@ -99,7 +99,8 @@ static TreeBox box_of(const Extent *e)
 /* Can light be within it, or an eye? What else may be there is seen by neither. */
 static bool is_empty(const Search *s, const Shape *solid)
 {
-    Extent e = shape_extent(solid), eye = ball_extent(sensor_traits(&s->d->sensor).origin, 0);
+    SensorTraits sensor = sensor_traits(&s->d->sensor);
+    Extent e = shape_extent(solid), eye = ball_extent(sensor.origin, sensor.reach);
     TreeBox box = box_of(&e), other = box_of(&eye);
     bool empty = boxes_apart(&box, &other, 0);
     for (int i = 0; i < s->d->emitter_count && empty; i++) {
@@ -143,8 +144,8 @@ static bool is_bottom(const Search *s, const Facet *a, const Facet *b, const dou
     if (deepest <= touch)
         return true;
     SensorTraits sensor = sensor_traits(&s->d->sensor);
-    bool bottom =
-        deepest <= size / 32 && !s->far_light && beyond(sensor.origin, sensor.origin, n, p) <= touch;
+    bool bottom = deepest <= size / 32 && !s->far_light
+                  && beyond(sensor.origin, sensor.origin, n, p) + sensor.reach <= touch;
     for (int i = 0; i < s->d->emitter_count && bottom; i++) {
         const Emitter *light = &s->d->emitters[i];
         EmitterTraits traits = emitter_traits(light);
@@ -434,7 +435,7 @@ static void size_of_triangle(const Description *d, const SensorTraits *eye, int 
     difference(d->mesh.vertex[d->mesh.triangle[t][0]], eye->origin, out);
     double square = dot(out, out), along = dot(out, eye->axis) + fmax(norm(a), norm(b));
     *area = sqrt(dot(across, across)) / 2;
-    *view = along > 0 && along * along >= eye->cosine * eye->cosine * square ? *area / (square + *area) : 0;
+    *view = along > 0 && (eye->reach > 0 || along * along >= eye->cosine * eye->cosine * square) ? *area / (square + *area) : 0;
 }
 
 static bool narrow_between_triangles(Search *s)
@@ -470,7 +471,7 @@ bool find_narrow_gap(const Description *d, Gap *gap)
     scene_bounds(d, s.all.low, s.all.high);
     for (int i = -1; i < d->emitter_count; i++) {
         EmitterTraits traits =
-            i < 0 ? (EmitterTraits){.position = sensor.origin} : emitter_traits(&d->emitters[i]);
+            i < 0 ? (EmitterTraits){.position = sensor.origin, .radius = sensor.reach} : emitter_traits(&d->emitters[i]);
         if (i >= 0)
             s.far_light |= traits.from == FROM_AFAR || traits.from == FROM_AROUND;
         if (!traits.position)

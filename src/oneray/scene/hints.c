@@ -85,7 +85,7 @@ static bool may_be_seen(const Shape *shape, const SensorTraits *eye)
         half[i] = (e.high[i] - e.low[i]) / 2;
         center[i] = (e.high[i] + e.low[i]) / 2 - eye->origin[i];
     }
-    double distance = norm(center), radius = norm(half);
+    double distance = norm(center), radius = norm(half) + eye->reach;
     if (distance <= radius)
         return true;
     return acos(fmax(-1, fmin(1, dot(center, eye->axis) / distance))) - asin(radius / distance)
