@@ -27,7 +27,7 @@
     X(RECTANGLE, rectangle, "rectangle")                                                                     \
     X(DISK, disk, "disk")
 #define POLYHEDRA(X) X(CUBE, cube, "cube")
-#define ROUND_SHAPES(X) X(SPHERE, sphere, "sphere")
+#define ROUND_SHAPES(X) X(SPHERE, sphere, "sphere") X(CYLINDER, cylinder, "cylinder")
 #define SOLID_SHAPES(X) POLYHEDRA(X) ROUND_SHAPES(X)
 #define ALIGNED_SHAPES(X) X(ALIGNED, aligned, "rectangle along the axes")
 #define MESH_SHAPES(X) X(MESH, mesh, "mesh")
@@ -66,6 +66,7 @@
     X(PARTS, parts, "blend of several finite materials")                                                     \
     X(FLAT_LIGHT, flat_light, "flat light")                                                                  \
     X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
+    X(CYLINDER_LIGHT, cylinder_light, "cylinder light")                                                      \
     X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
     X(MANY_LIGHTS, many_lights, "light choice")                                                              \
     X(HIDDEN, hidden, "hidden emitters")                                                                      \

@@ -337,9 +337,24 @@ static bool narrow_spheres(const Shape *one, const Shape *other, double limit, d
     return least < limit && most < WIDE * limit && most > rounding;
 }
 
+/* ---- Cylinders: whatever comes near the box of one that shines, and what of triangles and round shapes at all. */
+
+static bool tube_meets(void *to, int t)
+{
+    BallQuery *q = to;
+    return found(q->search, q->ball, &q->search->d->shapes[q->search->shape[t]]);
+}
+
+static bool tube_near_triangles(Search *s, const Shape *tube)
+{
+    BallQuery to = {s, tube, 0};
+    Extent e = shape_extent(tube);
+    return ask(&(Query){s->d, box_of(&e), NULL, s->gap->limit, &to, tube_meets}, &s->patience);
+}
+
 /* ---- Shapes: a sweep along x. */
 
-/* A shape that is no mesh has faces, or is a sphere. */
+/* A shape that is no mesh has faces, or is round. */
 typedef struct {
     const Shape *shape;
     Extent box;
@@ -373,6 +388,8 @@ static bool narrow(const Search *s, const Body *a, const Body *b)
     bool close = shines_near(a, b, limit) || shines_near(b, a, limit);
     if (a->shape->kind == SHAPE_SPHERE && b->shape->kind == SHAPE_SPHERE)
         close = narrow_spheres(a->shape, b->shape, limit, s->rounding);
+    else if (a->shape->kind == SHAPE_CYLINDER || b->shape->kind == SHAPE_CYLINDER)
+        close = (!a->count && !b->count) || a->shape->emitter >= 0 || b->shape->emitter >= 0;
     for (int i = 0; i < a->count; i++)
         for (int k = 0; k < b->count; k++)
             close = close || narrow_faces(s, &a->faces[i], &b->faces[k]);
@@ -400,7 +417,8 @@ static bool narrow_at_triangles(Search *s, Body *body)
     for (int k = 0; k < body->count; k++)
         if (face_near_triangles(s, &body->faces[k], -1))
             return true;
-    return body->shape->kind == SHAPE_SPHERE && ball_near_triangles(s, body->shape);
+    return (body->shape->kind == SHAPE_SPHERE && ball_near_triangles(s, body->shape))
+           || (body->shape->kind == SHAPE_CYLINDER && tube_near_triangles(s, body->shape));
 }
 
 static bool narrow_between_shapes(Search *s)
