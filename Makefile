@@ -27,8 +27,8 @@ ROUNDS := $(if $(filter-out 0,$(method)),$(if $(filter 0,$(call method,-msse2 -m
 ifneq (,$(filter-out 0,$(call method,$(ROUNDS))))
 $(error $(CC) $(CFLAGS) keeps more digits than a number has (FLT_EVAL_METHOD is not 0): another processor or compiler is wanted)
 endif
-# expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
-PACKAGES := expat OpenEXR libpng
+# expat: the XML parser; zlib: serialized meshes; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures.
+PACKAGES := expat zlib OpenEXR libpng
 ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray -I$(BUILD) $(WARN) -ffp-contract=off -fno-math-errno \
     -fno-trapping-math $(CFLAGS) $(ROUNDS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
@@ -130,9 +130,9 @@ $(BUILD)/fuzz/read_ply.o $(BUILD)/fuzz/read_obj.o: $(BUILD)/fuzz/read_%.o: tests
 	@mkdir -p $(@D)
 	clang $(FUZZ_CFLAGS) -DREAD=$*_read -c $< -o $@
 $(BUILD)/fuzz/ply $(BUILD)/fuzz/obj: $(BUILD)/fuzz/%: $(BUILD)/fuzz/read_%.o $(FUZZ_MESH:%=$(BUILD)/fuzz/%.o)
-	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lz -lm
 $(BUILD)/fuzz/scene: $(BUILD)/fuzz/read_scene.o $(FUZZ_SCENE:%=$(BUILD)/fuzz/%.o)
-	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lz -lm
 
 fuzzers: $(FUZZERS)
 # What is found goes to build/fuzz/NAME.found; a crash, and an input that takes 10 s or 2 GB, ends it with its file.

@@ -32,7 +32,7 @@ def printed() -> list[dict[str, Any]]:
         subprocess.run(["make", "-s", "-C", str(ROOT), f"BUILD={folder}", "kinds"], check=True)
         source = ROOT / "src/oneray"
         files = [ROOT / "scripts/plugins.c", *(source / name for name in SOURCES)]
-        options = ["-std=c99", "-D_XOPEN_SOURCE=700", f"-I{source}", f"-I{folder}", "-lexpat", "-lm"]
+        options = ["-std=c99", "-D_XOPEN_SOURCE=700", f"-I{source}", f"-I{folder}", "-lexpat", "-lz", "-lm"]
         program = Path(folder) / "plugins"
         subprocess.run(["cc", *map(str, files), *options, "-o", str(program)], check=True)
         text = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout
