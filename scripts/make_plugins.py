@@ -19,7 +19,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "src/raycheck/scene/plugins.json"
 SOURCES = (
-    *(f"meshes/{name}.c" for name in ("mesh", "obj", "ply")),
+    *(f"meshes/{name}.c" for name in ("mesh", "obj", "ply", "serialized")),
     *(f"scene/{name}.c" for name in ("description", "hints")),
     *(f"trees/{name}.c" for name in ("bvh", "mesh_tree")),
     *("message.c", "text.c"),

@@ -73,7 +73,18 @@ def compiled(precision: str, lanes: int) -> Path:
         build(Path(folder), goal="kinds")
         files = [path for path in sources if path.suffix == ".c" and path.stem not in PROGRAM]
         made = Path(folder) / "made.so"
-        command = ["cc", *settings, f"-I{SOURCES}", f"-I{folder}", *files, "-lexpat", "-lz", "-lm", "-o", made]
+        command = [
+            "cc",
+            *settings,
+            f"-I{SOURCES}",
+            f"-I{folder}",
+            *files,
+            "-lexpat",
+            "-lz",
+            "-lm",
+            "-o",
+            made,
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr[-3000:]
         made.replace(target)

@@ -155,7 +155,7 @@ void serialized_read(Source *source, int index, Mesh *mesh)
 {
     int version = find_mesh(source, index);
     Unpacked *from = allocate(1, sizeof *from);
-    *from = (Unpacked){.source = source, .part = "header"};
+    *from = (Unpacked){.source = source, .part = "first numbers"};
     from->zlib = (z_stream){.next_in = (unsigned char *)(uintptr_t)source->at, .zalloc = zlib_allocate, .zfree = zlib_free};
     if (inflateInit(&from->zlib) != Z_OK)
         die("zlib does not start: %s", from->zlib.msg ? from->zlib.msg : "");
