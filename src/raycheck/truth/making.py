@@ -184,8 +184,8 @@ def accumulate(
     if shared:
         sums, sizes = tile_sums(squares, SMALLEST)
         squares = squares * (tile_squares.sum() / (sums / sizes[..., None] ** 2).sum())
-    rounding = (WEIGHT_ROUNDING * np.abs(mean).max(initial=0)) ** 2 if shared else 0.0
-    return mean, squares / (count - 1) / count + rounding, count
+        squares = squares + (count - 1) * count * (WEIGHT_ROUNDING * np.abs(mean).max()) ** 2
+    return mean, squares / (count - 1) / count, count
 
 
 def make_reference(
