@@ -8,7 +8,7 @@
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, twenty minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, three hours of one core, into references/calibration.json, signatures, parts and harness_mutants.json
 #                 of these only what is stale: python scripts/stale.py --measure
-# make fuzz       feeds broken scenes, PLY and OBJ files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
+# make fuzz       feeds broken scenes, PLY, OBJ and serialized files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
 # make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 # make WERROR=1   stops at a warning, as make test does
@@ -27,9 +27,9 @@ ROUNDS := $(if $(filter-out 0,$(method)),$(if $(filter 0,$(call method,-msse2 -m
 ifneq (,$(filter-out 0,$(call method,$(ROUNDS))))
 $(error $(CC) $(CFLAGS) keeps more digits than a number has (FLT_EVAL_METHOD is not 0): another processor or compiler is wanted)
 endif
-# expat: the XML parser; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures. What a scene names in other formats
-# is read by stb_image, a header.
-PACKAGES := expat OpenEXR libpng
+# expat: the XML parser; zlib: serialized meshes; OpenEXR (its C library, OpenEXRCore) and libpng: the pictures. What a scene
+# names in other formats is read by stb_image, a header.
+PACKAGES := expat zlib OpenEXR libpng
 ALL_CFLAGS = -std=c99 -D_XOPEN_SOURCE=700 -Isrc/oneray -I$(BUILD) $(WARN) -ffp-contract=off -fno-math-errno \
     -fno-trapping-math $(CFLAGS) $(ROUNDS)
 PKG_CFLAGS := $(patsubst -I%,-isystem %,$(shell pkg-config --cflags $(PACKAGES) 2>/dev/null))
@@ -116,7 +116,7 @@ wheel: $(BUILD)/oneray $(PYTHON)
 
 # ---- libFuzzer targets of the readers, under AddressSanitizer and UndefinedBehaviorSanitizer.
 FUZZ_SECONDS ?= 3600
-FUZZERS := $(foreach f,scene ply obj,$(BUILD)/fuzz/$(f))
+FUZZERS := $(foreach f,scene ply obj serialized,$(BUILD)/fuzz/$(f))
 FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
     -Isrc/oneray -I$(BUILD) $(PKG_CFLAGS) -include tests/fuzz/harness.h
 stems = $(basename $(notdir $(wildcard src/oneray/$(1)/*.c)))
@@ -127,11 +127,12 @@ vpath %.c tests/fuzz
 $(BUILD)/fuzz/%.o: %.c $(HEADERS) tests/fuzz/harness.h Makefile
 	@mkdir -p $(@D)
 	clang $(FUZZ_CFLAGS) -c $< -o $@
-$(BUILD)/fuzz/read_ply.o $(BUILD)/fuzz/read_obj.o: $(BUILD)/fuzz/read_%.o: tests/fuzz/read_mesh.c $(HEADERS) tests/fuzz/harness.h Makefile
+FUZZ_READER = $(if $(filter serialized,$(1)),serialized_fuzz,$(1)_read)
+$(BUILD)/fuzz/read_ply.o $(BUILD)/fuzz/read_obj.o $(BUILD)/fuzz/read_serialized.o: $(BUILD)/fuzz/read_%.o: tests/fuzz/read_mesh.c $(HEADERS) tests/fuzz/harness.h Makefile
 	@mkdir -p $(@D)
-	clang $(FUZZ_CFLAGS) -DREAD=$*_read -c $< -o $@
-$(BUILD)/fuzz/ply $(BUILD)/fuzz/obj: $(BUILD)/fuzz/%: $(BUILD)/fuzz/read_%.o $(FUZZ_MESH:%=$(BUILD)/fuzz/%.o)
-	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lm
+	clang $(FUZZ_CFLAGS) "-DREAD=$(call FUZZ_READER,$*)" -c $< -o $@
+$(BUILD)/fuzz/ply $(BUILD)/fuzz/obj $(BUILD)/fuzz/serialized: $(BUILD)/fuzz/%: $(BUILD)/fuzz/read_%.o $(FUZZ_MESH:%=$(BUILD)/fuzz/%.o)
+	clang -fsanitize=fuzzer,address,undefined -o $@ $^ -lexpat -lz -lm
 $(BUILD)/fuzz/scene: $(BUILD)/fuzz/read_scene.o $(FUZZ_SCENE:%=$(BUILD)/fuzz/%.o)
 	clang -fsanitize=fuzzer,address,undefined -o $@ $^ $(shell pkg-config --libs $(PACKAGES)) -lm
 

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "src/raycheck/scene/plugins.json"
 SOURCES = (
     *(f"images/{name}.c" for name in ("image", "openexr")),
-    *(f"meshes/{name}.c" for name in ("mesh", "obj", "ply")),
+    *(f"meshes/{name}.c" for name in ("mesh", "obj", "ply", "serialized")),
     *(f"scene/{name}.c" for name in ("description", "hints")),
     *(f"trees/{name}.c" for name in ("bvh", "mesh_tree")),
     *("message.c", "text.c"),
@@ -33,7 +33,7 @@ def printed() -> list[dict[str, Any]]:
         subprocess.run(["make", "-s", "-C", str(ROOT), f"BUILD={folder}", "kinds"], check=True)
         source = ROOT / "src/oneray"
         files = [ROOT / "scripts/plugins.c", *(source / name for name in SOURCES)]
-        ask = ["pkg-config", "--cflags", "--libs", "expat", "OpenEXR"]
+        ask = ["pkg-config", "--cflags", "--libs", "expat", "zlib", "OpenEXR"]
         libraries = subprocess.check_output(ask, text=True)
         options = ["-std=c99", "-D_XOPEN_SOURCE=700", f"-I{source}", f"-I{folder}", *libraries.split(), "-lm"]
         program = Path(folder) / "plugins"

@@ -12,6 +12,7 @@ need() { # need PACKAGE COMMAND…: the package is missing unless the command su
 need gcc sh -c 'command -v "${CC:-cc}"'
 need pkg-config sh -c 'command -v pkg-config'
 need libexpat1-dev pkg-config --exists expat
+need zlib1g-dev pkg-config --exists zlib
 need libopenexr-dev pkg-config --exists OpenEXR
 need libpng-dev pkg-config --exists libpng
 need libstb-dev test -f /usr/include/stb/stb_image.h

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+import zlib
+from collections.abc import Sequence
 
 VERTICES = ["property float x", "property float y", "property float z"]
 FACES = ["property list uchar int vertex_indices"]
@@ -30,12 +32,167 @@ def binary(points: list[float], corners: list[int], **header: object) -> bytes:
     return head + numbers + struct.pack(f"<B{len(corners)}i", len(corners), *corners)
 
 
+def shape(name: str) -> str:
+    """What a scene says of a mesh file; "mesh@2.serialized" is the third mesh of its file."""
+    kind, index = name.rpartition(".")[2], name.partition("@")[2].partition(".")[0]
+    which = f'<integer name="shape_index" value="{index}"/>' if index else ""
+    return f'<shape type="{kind}"><string name="filename" value="{name}"/>{which}'
+
+
+CORNERS = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+
+
+def packed(
+    faces: Sequence[Sequence[int]] = ((0, 1, 2),),
+    *,
+    points: Sequence[Sequence[float]] = CORNERS,
+    flags: int = 0x1000,
+    counts: tuple[int, int] | None = None,
+    version: int = 4,
+    extra: Sequence[Sequence[float]] = (),
+    head: int = 0x041C,
+    name: bytes = b"mesh\0",
+) -> bytes:
+    """A serialized mesh: its numbers after the points are `extra`, one array after the other."""
+    number = "d" if flags & 0x2000 else "f"
+    data = struct.pack("<I", flags) + (name if version > 3 else b"")
+    data += struct.pack("<QQ", *(counts or (len(points), len(faces))))
+    for row in (*points, *extra):
+        data += struct.pack(f"<{len(row)}{number}", *row)
+    for face in faces:
+        data += struct.pack(f"<{len(face)}I", *face)
+    return struct.pack("<HH", head, version) + zlib.compress(data)
+
+
+def together(*meshes: bytes, version: int = 4, count: int | None = None) -> bytes:
+    """A file of serialized meshes, with their places at its end."""
+    places = [sum(map(len, meshes[:i])) for i in range(len(meshes))]
+    end = struct.pack(f"<{len(meshes)}{'Q' if version > 3 else 'I'}", *places)
+    return b"".join(meshes) + end + struct.pack("<I", len(meshes) if count is None else count)
+
+
 TRIANGLE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0]
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 CORNER = "a corner of the face is no v, v/vt, v//vn or v/vt/vn"
 NUMBER = "a number up to 3.40282e+38 is wanted"
 
+PACKED = packed()
+UNSUPPORTED = "of serialized meshes is not supported (3, 4): a PLY of the mesh is"
+NOWHERE = "but no serialized mesh of Mitsuba does"
+LARGE = 2**28 + 1
+
+SERIALIZED: dict[str, tuple[bytes, str]] = {
+    "empty.serialized": (b"", "1: the file is empty"),
+    "three-bytes.serialized": (PACKED[:3], f"1: mesh 0 should begin at byte 0, {NOWHERE}"),
+    "ply.serialized": (ply(*SQUARE), f"1: mesh 0 should begin at byte 0, {NOWHERE}"),
+    "big-endian.serialized": (b"\x04\x1c" + PACKED[2:], f"1: mesh 0 should begin at byte 0, {NOWHERE}"),
+    "version-2.serialized": (packed(version=2), f"1: version 2 {UNSUPPORTED}"),
+    "version-5.serialized": (packed(version=5), f"1: version 5 {UNSUPPORTED}"),
+    "nothing-behind.serialized": (PACKED[:4], "1: the file ends before the mesh's first numbers do"),
+    "no-zlib.serialized": (
+        PACKED[:4] + b"no zlib stream",
+        "1: the mesh is no zlib stream from its first numbers on: incorrect header check",
+    ),
+    "bad-block.serialized": (
+        PACKED[:6] + b"\xff" * 30,
+        "1: the mesh is no zlib stream from its first numbers on: invalid block type",
+    ),
+    "no-checksum.serialized": (
+        PACKED[:-1] + bytes([PACKED[-1] ^ 1]),
+        "1: the mesh is no zlib stream from its first numbers on: incorrect data check",
+    ),
+    "name-without-end.serialized": (
+        PACKED[:4] + zlib.compress(struct.pack("<I", 0x1000) + b"name"),
+        "1: the zlib stream ends before the mesh's first numbers do",
+    ),
+    "counts-missing.serialized": (
+        PACKED[:4] + zlib.compress(struct.pack("<I", 0x1000) + b"\0" + bytes(12)),
+        "1: the zlib stream ends before the mesh's triangles do",
+    ),
+    "many-vertices.serialized": (
+        packed(counts=(LARGE, 1)),
+        f"1: {LARGE} vertices are said to follow: at most {2**28} are supported",
+    ),
+    "many-triangles.serialized": (
+        packed(counts=(3, 2**64 - 1)),
+        f"1: {2**64 - 1} triangles are said to follow: at most {2**28} are supported",
+    ),
+    "absurd-counts.serialized": (
+        packed(counts=(10**7, 10**7)),
+        "1: 10000000 vertices and 10000000 triangles are said to follow, but only "
+        f"{len(packed(counts=(10**7, 10**7))) - 4} "
+        "bytes do",
+    ),
+    "vertices-missing.serialized": (
+        packed([], counts=(4, 1)),
+        "1: the zlib stream ends before the mesh's vertices do",
+    ),
+    "triangles-missing.serialized": (
+        packed(counts=(3, 2)),
+        "1: the zlib stream ends before the mesh's triangles do",
+    ),
+    "normals-missing.serialized": (
+        packed([], counts=(3, 1), flags=0x1001),
+        "1: the zlib stream ends before the mesh's normals do",
+    ),
+    "uv-missing.serialized": (
+        packed([], counts=(3, 1), flags=0x1002),
+        "1: the zlib stream ends before the mesh's texture coordinates do",
+    ),
+    "colours-missing.serialized": (
+        packed([], counts=(3, 1), flags=0x1008),
+        "1: the zlib stream ends before the mesh's colours do",
+    ),
+    "double-is-single.serialized": (
+        packed([], counts=(6, 1), flags=0x2000),
+        "1: the zlib stream ends before the mesh's vertices do",
+    ),
+    "index-beyond.serialized": (packed([[0, 1, 3]]), "1: face 0 has the vertex 3, but there are only 0 to 2"),
+    "index-large.serialized": (
+        packed([[0, 1, 2], [0, 2**32 - 1, 1]]),
+        "1: face 1 has the vertex 4.2949673e+09, but there are only 0 to 2",
+    ),
+    "nan.serialized": (
+        packed(points=[CORNERS[0], [1.0, float("nan"), 0.0], CORNERS[2]]),
+        f"1: vertex 1 has the coordinate nan: {NUMBER}",
+    ),
+    "infinite.serialized": (
+        packed(points=[*CORNERS[:2], [0.0, 1e39, 0.0]], flags=0x2000),
+        f"1: vertex 2 has the coordinate 1e+39: {NUMBER}",
+    ),
+    "no-number-normal.serialized": (
+        packed(extra=[[float("nan")] * 3] * 3, flags=0x1001),
+        "1: vertex 0 has a normal that is no number: mend it, or let the shape have face_normals",
+    ),
+    "no-faces.serialized": (packed([]), "1: the mesh has no faces"),
+    "beyond@2.serialized": (
+        together(PACKED, PACKED),
+        '1: "shape_index" is 2, but the file has 2 meshes, from 0 on',
+    ),
+    "no-places@1.serialized": (
+        PACKED + struct.pack("<I", 2**31),
+        f"1: the file ends in the places of {2**31} meshes, which it is too short for",
+    ),
+    "none@1.serialized": (
+        together(PACKED, count=0),
+        '1: "shape_index" is 1, but the file has 0 meshes, from 0 on',
+    ),
+    "place-beyond@1.serialized": (
+        PACKED + struct.pack("<QQI", 0, 10**9, 2),
+        f"1: mesh 1 should begin at byte 1000000000, {NOWHERE}",
+    ),
+    "place-of-nothing@1.serialized": (
+        PACKED + struct.pack("<QQI", 0, 7, 2),
+        f"1: mesh 1 should begin at byte 7, {NOWHERE}",
+    ),
+    "second-truncated@1.serialized": (
+        together(PACKED, PACKED[:20])[: len(PACKED) + 20] + struct.pack("<QQI", 0, len(PACKED), 2),
+        "1: the mesh is no zlib stream from its first numbers on: incorrect data check",
+    ),
+}
+
 MALFORMED: dict[str, tuple[bytes, str]] = {
+    **SERIALIZED,
     "empty.ply": (b"", "1: the file is empty"),
     "no-ply.ply": (b"plywood\n", '1: this is no PLY file: its first line must be "ply"'),
     "obj-as-ply.ply": (OBJ.encode(), '1: this is no PLY file: its first line must be "ply"'),

@@ -73,7 +73,7 @@ def compiled(precision: str, lanes: int) -> Path:
         build(Path(folder), goal="kinds")
         files = [path for path in sources if path.suffix == ".c" and path.stem not in PROGRAM]
         made = Path(folder) / "made.so"
-        ask = ["pkg-config", "--cflags", "--libs", "expat", "OpenEXR"]
+        ask = ["pkg-config", "--cflags", "--libs", "expat", "zlib", "OpenEXR"]
         libraries = subprocess.check_output(ask, text=True)
         shared = [*libraries.replace("-I/", "-isystem/").split(), "-lm"]
         command = ["cc", *settings, f"-I{SOURCES}", f"-I{folder}", *files, *shared, "-o", made]

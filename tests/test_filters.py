@@ -86,6 +86,41 @@ def test_a_step_edge_is_the_integral_of_the_filter(
             assert found[column] == pytest.approx(w[x < at].sum() / w.sum(), abs=1.5e-3)
 
 
+def parabola(inner: str, strips: int) -> str:
+    """Columns of the film of radiance 1 + (x - 8)², in strips of equal width."""
+    shapes = []
+    for i in range(strips):
+        left, right = (1 - 2 * at / strips for at in (i, i + 1))
+        low, high = (at * WIDTH / strips - WIDTH / 2 for at in (i, i + 1))
+        level = 1 + (high**3 - low**3) / 3 / (high - low)
+        place = f'<scale x="{(left - right) / 2!r}" y="99"/><rotate y="1" angle="180"/>'
+        place += f'<translate x="{(left + right) / 2!r}" z="1"/>'
+        shapes.append(
+            f"""<shape type="rectangle"><transform name="to_world">{place}</transform>
+            <emitter type="area"><rgb name="radiance" value="{level!r}"/></emitter></shape>"""
+        )
+    return f"""<scene version="3.0.0"><integrator type="path">{DEPTH}</integrator>
+    <sensor type="perspective"><float name="fov" value="90"/>{film(inner)}</sensor>
+    {"".join(shapes)}</scene>"""
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if KINDS[kind][1] < 5])
+def test_a_parabola_shows_the_second_moment(oneray: Path, tmp_path: Path, kind: str) -> None:
+    """Far from the film's edge it is raised by the filter's variance: a ramp shows nothing."""
+    inner, radius = KINDS[kind]
+    x = np.linspace(-radius, radius, 200_001)
+    w = weight(kind, radius, x)
+    variance = (w * x**2).sum() / w.sum()
+    text = parabola(inner, 16 * WIDTH)
+    found = render(oneray, tmp_path, text, "--sampler", "sobol", "--spp", "4096", "--precision", "double")[
+        1, :, 0
+    ]
+    for column in range(4, WIDTH - 4):
+        assert found[column] - (1 + (column + 0.5 - WIDTH / 2) ** 2) == pytest.approx(
+            variance, rel=0.02, abs=1e-3
+        )
+
+
 SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="2"/></integrator>
 <sensor type="perspective"><float name="fov" value="40"/>{film}</sensor>
 <shape type="sphere"><point name="center" x="0.7" y="0.3" z="6"/>

@@ -1,4 +1,4 @@
-"""A few seconds of what `make fuzz` does for hours: broken scenes, PLY and OBJ files under the sanitizers."""
+"""A few seconds of what `make fuzz` does for hours: broken scenes and meshes under the sanitizers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def fuzzers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "fuzz"
 
 
-@pytest.mark.parametrize("name", ["scene", "ply", "obj"])
+@pytest.mark.parametrize("name", ["scene", "ply", "obj", "serialized"])
 def test_reader(fuzzers: Path, tmp_path: Path, name: str) -> None:
     """No input makes it crash, hang, leak or compute what C does not define."""
     seeds = [ROOT / "tests/fuzz" / name, *SEEDS]

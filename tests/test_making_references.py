@@ -48,8 +48,7 @@ def command(*words: object) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
-        (MINE.replace("box", "gaussian"), 7, "the mean over its own square"),
-        (MINE.replace('<rfilter type="box"/>', ""), 6, "Mitsuba's default is gaussian"),
+        (MINE.replace("box", "mitchell"), 7, '<rfilter type="mitchell"> weighs some of the film below 0'),
         (MINE.replace("<rfilter", FORMAT.format("luminance")), 7, 'pixel_format "luminance"'),
         (MINE.replace("<rfilter", FORMAT.format("xyz")), 7, 'pixel_format "xyz"'),
         (MINE.replace("<rfilter", FORMAT.format("rgba")), 7, 'pixel_format "rgba"'),
@@ -86,7 +85,7 @@ def test_so_is_one_of_other_channels(tmp_path: Path, integrator: str) -> None:
 
 def test_what_mitsuba_cannot_render_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "mine.xml"
-    monkeypatch.setattr(mitsuba, "check_film", lambda of: None)
+    monkeypatch.setattr(mitsuba, "check_film", lambda *of: None)
     path.write_text(re.sub("<integrator.*</integrator>", "", MINE), encoding="utf-8")
     renderer = mitsuba.MitsubaBatches(Variant(path), "scalar_rgb")
     with pytest.raises(NotFound, match=r"mine.xml: Mitsuba cannot render it: ") as told:
@@ -115,6 +114,42 @@ def test_a_reference_belongs_to_all_files_of_its_scene(tmp_path: Path, element: 
     (tmp_path / name).unlink()
     with pytest.raises(ReferenceError_, match=f"{name}: No such file"):
         references.require(of)
+
+
+@pytest.mark.parametrize("text", [MINE.replace("box", "gaussian"), MINE.replace('<rfilter type="box"/>', "")])
+def test_the_scalar_variants_make_none_of_other_filters(tmp_path: Path, text: str) -> None:
+    """They look the gaussian up in a table of 31 steps."""
+    path = tmp_path / "mine.xml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(
+        NotFound, match=r"mine.xml:\d: the reference of a gaussian filter is rendered by Mitsuba's llvm"
+    ):
+        mitsuba.MitsubaBatches(Variant(path), "scalar_rgb")
+
+
+def test_pixels_that_share_samples_have_the_variance_of_their_tiles() -> None:
+    """Blurred noise: neighbours vary together, and the mean of a tile more than by its pixels alone."""
+    noise = np.random.default_rng(7).normal(1, 1, (400, 18, 18, 3))
+    blurred = sum(noise[:, i : i + 16, j : j + 16] for i in range(3) for j in range(3)) / 9
+    tiles = blurred.reshape(400, 2, 8, 2, 8, 3).mean(axis=(2, 4)).var(axis=0, ddof=1) / 400
+    for shared in (False, True):
+        _, variance, _ = making.accumulate(iter(blurred), shared=shared)
+        by_pixels = variance.reshape(2, 8, 2, 8, 3).sum(axis=(1, 3)) / 64**2
+        ratio = by_pixels.mean() / tiles.mean()
+        assert ratio == pytest.approx(1, rel=1e-6) if shared else ratio < 0.2
+
+
+def test_what_is_rounding_of_weights_is_no_difference() -> None:
+    """Two black pixels of a picture with a lamp: Mitsuba gives them up to 1e-8 of it where a filter ends."""
+    images = np.zeros((4, 8, 8, 3))
+    images[:, 0, 0] = 5.0
+    images[:, 7, 7] = 1e-8
+    mean, variance, _ = making.accumulate(
+        iter(images + 1e-3 * np.arange(4)[:, None, None, None] * images), shared=True
+    )
+    assert 1e-8 < 3 * np.sqrt(variance[7, 7]).max() < 1e-5 and mean[7, 7].max() == pytest.approx(
+        1e-8, rel=0.01
+    )
 
 
 # ---- how long it takes

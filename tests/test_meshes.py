@@ -11,7 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from building import ROOT, build
-from malformed_meshes import MALFORMED
+from malformed_meshes import MALFORMED, shape
 
 MESHES = ROOT / "tests/meshes"
 ODD = [ROOT / f"tests/odd/{name}.xml" for name in ("meshes", "few-triangles", "many-shapes", "many-hidden")]
@@ -73,7 +73,7 @@ def scene(
         <integer name="width" value="{size}"/><integer name="height" value="{size}"/><rfilter type="box"/>
     </film>
 </sensor>
-<shape type="{mesh[-3:]}"><string name="filename" value="{mesh}"/>{inside}</shape>
+{shape(mesh)}{inside}</shape>
 {more}
 </scene>""")
     return path

@@ -21,6 +21,7 @@ import jsonschema
 import numpy as np
 import pytest
 from malformed_meshes import MALFORMED as MALFORMED_MESHES
+from malformed_meshes import shape as shape_of
 from tracer import Tracer
 
 from raycheck.base.errors import ReferenceError_
@@ -496,7 +497,7 @@ SENSOR = '<float name="fov" value="40"/>'
          .replace('<shape type="sphere"><bsdf', f'<shape type="ply">{LUMP}<bsdf'), 19,
          'texture coordinates of <shape type="ply"> are not supported by raycheck'),
         (BASE.replace('<emitter type="constant">', '<emitter type="envmap">'), 14, "envmap"),
-        (BASE.replace("sphere", "cylinder"), 15, "cylinder"),
+        (BASE.replace("sphere", "bsplinecurve"), 15, "bsplinecurve"),
         (BASE.replace("perspective", "thinlens"), 3, "thinlens"),
         (BASE.replace(SENSOR, f'{SENSOR}<float name="principal_point_offset_x" value="200"/>'), 4,
          '"principal_point_offset_x" must be in [-100,100]'),
@@ -530,10 +531,9 @@ def test_what_oneray_refuses_is_not_exported(path: Path) -> None:
 
 @pytest.mark.parametrize("name", MALFORMED_MESHES)
 def test_no_mesh_ends_in_a_traceback(name: str, tmp_path: Path) -> None:
-    kind = name.rpartition(".")[2]
     (tmp_path / name).write_bytes(MALFORMED_MESHES[name][0])
     scene = tmp_path / "mesh.xml"
-    shape = f'<shape type="{kind}"><string name="filename" value="{name}"/></shape>'
+    shape = f"{shape_of(name)}</shape>"
     scene.write_text(BASE.replace("<!-- here -->", shape), encoding="utf-8")
     try:
         data = export.to_json(export.export(variants.Variant(scene)))

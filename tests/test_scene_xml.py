@@ -117,7 +117,9 @@ def test_encodings(oneray: Path, out: Path, tmp_path: Path, encoding: str) -> No
 
 def test_windows_line_ends(oneray: Path, out: Path, tmp_path: Path) -> None:
     scene = write(tmp_path, VALID.replace("\n", "\r\n").replace('type="sphere"', 'type="ball"'))
-    message = '<shape type="ball"> is not supported (rectangle, disk, cube, sphere, ply, obj)'
+    message = (
+        '<shape type="ball"> is not supported (rectangle, disk, cube, sphere, cylinder, ply, obj, serialized)'
+    )
     assert refused(oneray, scene, out) == f"{scene}:22: {message}"
 
 

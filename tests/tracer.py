@@ -35,14 +35,21 @@ def _frame(n: Array) -> tuple[Array, Array]:
 
 
 class Primitives:
-    """Flat ones first: p = o + s u + t v, with s and t within a square, triangle or circle. Then spheres."""
+    """Flat ones first: p = o + s u + t v, with s and t within a square, triangle or circle. Then others."""
 
     def __init__(self, data: dict[str, Any]):
         kinds = ("parallelogram", "triangle", "disk")
         flat = [p for kind in kinds for p in data["primitives"] if p["type"] == kind]
         balls = [p for p in data["primitives"] if p["type"] == "sphere"]
-        self.all = flat + balls
-        self.flats = len(flat)
+        tubes = [p for p in data["primitives"] if p["type"] == "cylinder"]
+        self.all = flat + balls + tubes
+        self.flats, self.tubes = len(flat), len(flat) + len(balls)
+        self.ends = np.array([[p["p0"], p["p1"]] for p in tubes]).reshape(-1, 2, 3)
+        self.height = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
+        self.axis = (self.ends[:, 1] - self.ends[:, 0]) / self.height[:, None]
+        self.tube_axes = np.array([p.get("axes", np.eye(3)) for p in tubes]).reshape(-1, 3, 3)
+        self.tube_radius = np.array([p["radius"] for p in tubes])
+        self.tube_inward = np.array([p["inward"] for p in tubes], dtype=bool)
         placed = np.array([self._placed(p) for p in flat]).reshape(-1, 3, 3)
         self.o, self.u, self.v = placed[:, 0], placed[:, 1], placed[:, 2]
         self.kind = np.array([p["type"] for p in flat], dtype=str)
@@ -113,11 +120,32 @@ class Primitives:
             beside = ((between - middle[..., None] * d[:, None]) ** 2).sum(axis=-1)
             half = np.sqrt(self.radius**2 - beside)
             near, far = middle - half, middle + half
-            on = here[:, self.flats :]  # of its own sphere a ray meets the far side only, if it goes inwards
+            on = here[
+                :, self.flats : self.tubes
+            ]  # of its own sphere a ray meets the far side only, if it goes inwards
             far[on & (far < self.radius * 1e-9)] = np.inf
             ball = np.where((near > low) & ~on, near, far)
             ball[~(ball > low)] = np.inf
-        return np.concatenate([flat, ball], axis=1)
+        return np.concatenate([flat, ball, self._tubes(o, d, here[:, self.tubes :], low)], axis=1)
+
+    def _tubes(self, o: Array, d: Array, on: Array, low: Array) -> Array:
+        """(N, T) distances to the walls of cylinders: |o + t d - p0|² - ((o + t d - p0)·axis)² = r²."""
+        with np.errstate(all="ignore"):
+            out = o[:, None] - self.ends[None, :, 0]
+            z, dz = (out * self.axis).sum(axis=-1), d @ self.axis.T
+            a = 1 - dz**2
+            b = (out * d[:, None]).sum(axis=-1) - z * dz
+            c = (out**2).sum(axis=-1) - z**2 - self.tube_radius**2
+            root = np.sqrt(b**2 - a * np.where(on, 0, c))
+            found = np.full_like(z, np.inf)
+            for t in ((-b - root) / a, (-b + root) / a):
+                good = (
+                    (t > np.where(on, 1e-9 * self.tube_radius, low))
+                    & (z + t * dz >= 0)
+                    & (z + t * dz <= self.height)
+                )
+                found = np.where(good & (t < found), t, found)
+        return found
 
     def surface(self, which: Array, p: Array) -> tuple[Array, Array]:
         """The normal, and the one that shades."""
@@ -128,11 +156,17 @@ class Primitives:
         s, t = _dot(q - self.o[i], self.dual_s[i]), _dot(q - self.o[i], self.dual_t[i])
         weights = np.stack([1 - s - t, s, t], axis=-1)
         shading[flat] = _unit((weights[..., None] * self.smooth[i]).sum(axis=1))
-        i, q = which[~flat] - self.flats, p[~flat]
-        true[~flat] = shading[~flat] = (
-            _unit(q - self.center[i]) * np.where(self.inward[i], -1.0, 1.0)[:, None]
-        )
+        ball, tube = (which >= self.flats) & (which < self.tubes), which >= self.tubes
+        i, q = which[ball] - self.flats, p[ball]
+        true[ball] = _unit(q - self.center[i]) * np.where(self.inward[i], -1.0, 1.0)[:, None]
+        i, q = which[tube] - self.tubes, p[tube]
+        true[tube] = self._outward(i, q) * np.where(self.tube_inward[i], -1.0, 1.0)[:, None]
+        shading[~flat] = true[~flat]
         return true, shading
+
+    def _outward(self, i: Array, q: Array) -> Array:
+        out = q - self.ends[i, 0]
+        return _unit(out - _dot(out, self.axis[i])[:, None] * self.axis[i])
 
     def coordinates(self, which: Array, p: Array) -> tuple[Array, Array]:
         """(u, v) (N, 2), which mean nothing on a triangle, and unit vectors (N, 3) where u grows."""
@@ -149,18 +183,27 @@ class Primitives:
         with np.errstate(invalid="ignore"):  # of a disk's center, and of what has no coordinates
             s, t = np.where(disk, s / r, to_u[:, :1]), np.where(disk, t / r, to_u[:, 1:])
             along[flat] = _unit(s * self.u[i] + t * self.v[i])
-        i, q = which[~flat] - self.flats, p[~flat]
+        ball, tube = (which >= self.flats) & (which < self.tubes), which >= self.tubes
+        i, q = which[ball] - self.flats, p[ball]
         x, y, z = np.einsum("iab,ib->ai", self.axes[i], _unit(q - self.center[i]))
         angle = np.arctan2(y, x)
-        uv[~flat] = np.stack([angle / (2 * np.pi) % 1, np.arccos(np.clip(z, -1, 1)) / np.pi], axis=-1)
+        uv[ball] = np.stack([angle / (2 * np.pi) % 1, np.arccos(np.clip(z, -1, 1)) / np.pi], axis=-1)
         cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
-        along[~flat] = cosine * self.axes[i, 1] - sine * self.axes[i, 0]
+        along[ball] = cosine * self.axes[i, 1] - sine * self.axes[i, 0]
+        i, q = which[tube] - self.tubes, p[tube]
+        x, y, _ = np.einsum("iab,ib->ai", self.tube_axes[i], self._outward(i, q))
+        angle = np.arctan2(y, x)
+        height = _dot(q - self.ends[i, 0], self.axis[i]) / self.height[i]
+        uv[tube] = np.stack([angle / (2 * np.pi) % 1, height], axis=-1)
+        cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        along[tube] = cosine * self.tube_axes[i, 1] - sine * self.tube_axes[i, 0]
         return uv, along
 
     def areas(self) -> Array:
         size = np.linalg.norm(np.cross(self.u, self.v), axis=1)
         factor = np.where(self.kind == "disk", np.pi, np.where(self.kind == "triangle", 0.5, 1.0))
-        return np.concatenate([factor * size, 4 * np.pi * self.radius**2])
+        walls = 2 * np.pi * self.tube_radius * self.height
+        return np.concatenate([factor * size, 4 * np.pi * self.radius**2, walls])
 
     def points(self, which: Array, x: Array, y: Array) -> Array:
         """Uniform points of primitives, from two uniform numbers each."""
@@ -173,10 +216,17 @@ class Primitives:
         disk = self.kind[i] == "disk"
         s, t = np.where(disk, r * np.cos(angle), s), np.where(disk, r * np.sin(angle), t)
         p[flat] = self.o[i] + s[:, None] * self.u[i] + t[:, None] * self.v[i]
-        i, z, angle = which[~flat] - self.flats, 1 - 2 * x[~flat], 2 * np.pi * y[~flat]
+        ball, tube = (which >= self.flats) & (which < self.tubes), which >= self.tubes
+        i, z, angle = which[ball] - self.flats, 1 - 2 * x[ball], 2 * np.pi * y[ball]
         r = np.sqrt(1 - z**2)
         way = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1)
-        p[~flat] = self.center[i] + self.radius[i, None] * way
+        p[ball] = self.center[i] + self.radius[i, None] * way
+        i, angle = which[tube] - self.tubes, 2 * np.pi * y[tube, None]
+        u, v = _frame(self.axis[i])
+        along = x[tube, None] * (self.ends[i, 1] - self.ends[i, 0])
+        p[tube] = (
+            self.ends[i, 0] + along + self.tube_radius[i, None] * (np.cos(angle) * u + np.sin(angle) * v)
+        )
         return p
 
 
@@ -265,10 +315,21 @@ class Tracer:
         return film, self._trace(*self._camera(film))
 
     def _camera(self, film: Array) -> tuple[Array, Array, Array]:
-        camera = {name: np.array(value) for name, value in self.data["camera"].items()}
+        camera = {name: np.array(value) for name, value in self.data["camera"].items() if name != "lens"}
+        lens = self.data["camera"].get("lens")
         x, y = film[:, :1], film[:, 1:]
         right, down = camera["top_right"] - camera["top_left"], camera["bottom_left"] - camera["top_left"]
-        d = _unit(camera["top_left"] + x * right + y * down)
+        way = camera["top_left"] + x * right + y * down
+        if "direction" in camera:
+            d = np.broadcast_to(camera["direction"], way.shape).copy()
+            return camera["origin"] + way, d, np.ones(len(d))
+        d = _unit(way)
+        if lens:
+            view, focus = np.array(lens["view"]), lens["focus_distance"]
+            r, angle = np.sqrt(self.rng.random(len(d))), 2 * np.pi * self.rng.random(len(d))
+            aside = np.outer(r * np.cos(angle), lens["axis_u"]) + np.outer(r * np.sin(angle), lens["axis_v"])
+            d = _unit(d * (focus / (d @ view))[:, None] - aside)
+            return camera["origin"] + aside, d, d @ view
         forward = _unit(camera["top_left"] + (right + down) / 2)
         return np.broadcast_to(camera["origin"], d.shape).copy(), d, d @ forward
 

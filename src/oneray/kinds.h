@@ -28,7 +28,7 @@
     X(RECTANGLE, rectangle, "rectangle")                                                                     \
     X(DISK, disk, "disk")
 #define POLYHEDRA(X) X(CUBE, cube, "cube")
-#define ROUND_SHAPES(X) X(SPHERE, sphere, "sphere")
+#define ROUND_SHAPES(X) X(SPHERE, sphere, "sphere") X(CYLINDER, cylinder, "cylinder")
 #define SOLID_SHAPES(X) POLYHEDRA(X) ROUND_SHAPES(X)
 #define ALIGNED_SHAPES(X) X(ALIGNED, aligned, "rectangle along the axes")
 #define MESH_SHAPES(X) X(MESH, mesh, "mesh")
@@ -52,7 +52,10 @@
     X(CHECKERBOARD, checkerboard, "checkerboard")                                                            \
     X(BITMAP, bitmap, "bitmap")
 #define MEDIA(X)
-#define SENSORS(X) X(PERSPECTIVE, perspective, "perspective")
+#define SENSORS(X)                                                                                           \
+    X(PERSPECTIVE, perspective, "perspective")                                                               \
+    X(THINLENS, thinlens, "thin lens")                                                                       \
+    X(ORTHOGRAPHIC, orthographic, "orthographic")
 /* What weighs the film around a pixel's middle. */
 #define FILTERS(X)                                                                                           \
     X(BOX, box, "box")                                                                                       \
@@ -68,6 +71,7 @@
     X(PARTS, parts, "blend of several finite materials")                                                     \
     X(FLAT_LIGHT, flat_light, "flat light")                                                                  \
     X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
+    X(CYLINDER_LIGHT, cylinder_light, "cylinder light")                                                      \
     X(MESH_LIGHT, mesh_light, "mesh light")                                                                  \
     X(MANY_LIGHTS, many_lights, "light choice")                                                              \
     X(HIDDEN, hidden, "hidden emitters")                                                                      \

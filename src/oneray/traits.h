@@ -52,8 +52,10 @@ typedef struct {
 
 typedef struct {
     double origin[3];
+    double reach;    /* of a ball about that which its rays start in, as far as they start not in one point */
     double farthest; /* that it sees */
-    double pixel;    /* its least angle, radians */
+    double pixel;    /* its least angle, radians, or without perspective … */
+    double side;     /* … the least of its sides, m */
     double axis[3];  /* unit: of the narrowest cone that holds all it sees, */
     double cosine;   /* and of the cone's half angle */
 } SensorTraits;

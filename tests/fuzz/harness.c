@@ -76,12 +76,17 @@ FILE *fuzz_open(const char *name, const char *mode)
                         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
                         "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
     static char obj[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n";
+    static char serialized[] = "\x1c\x04\x04\0\x78\x01\x01\x45\0\xba\xff\0\x10\0\0\0\3\0\0\0\0\0\0\0\1\0\0\0\0\0\0\0"
+                               "\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x80\x3f\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x80\x3f\0\0\0\0"
+                               "\0\0\0\0\1\0\0\0\2\0\0\0\x2b\xdb\x01\x96";
     static char xml[] = "<scene version=\"0.6.0\"><bsdf type=\"diffuse\" id=\"inner\"/></scene>";
     const char *dot = strrchr(name, '.');
     if (!strcmp(name, "scene.xml"))
         return opened = fmemopen((void *)(uintptr_t)input, input_size, mode);
     if (dot && !strcmp(dot, ".ply"))
         return opened = fmemopen(ply, sizeof ply - 1, mode);
+    if (dot && !strcmp(dot, ".serialized"))
+        return opened = fmemopen(serialized, sizeof serialized - 1, mode);
     if (dot && !strcmp(dot, ".xml"))
         return opened = fmemopen(xml, sizeof xml - 1, mode);
     if (dot && !strcmp(dot, ".obj"))

@@ -1,9 +1,30 @@
-/* Mesh files, PLY or OBJ as READ says: read and brought to the world, as they are and turned over. */
+/* Mesh files, PLY, OBJ or serialized as READ says: read and brought to the world, as they are and turned over. Of a
+   serialized one the first byte says which mesh of the file is wanted, or that the rest is packed first. */
 #include "meshes/mesh.h"
 
 #include "message.h"
 
 #include <string.h>
+#include <zlib.h>
+
+enum { PACK = 0x80 };
+
+static void serialized_fuzz(Source *source, Mesh *mesh) __attribute__((unused));
+static void serialized_fuzz(Source *source, Mesh *mesh)
+{
+    int first = source->at < source->end ? (unsigned char)*source->at++ : 0;
+    size_t size = (size_t)(source->end - source->at);
+    if (!(first & PACK) || size < 4) {
+        serialized_read(source, first, mesh);
+        return;
+    }
+    uLongf packed = compressBound(size - 4);
+    char *text = allocate(packed + 5, 1);
+    memcpy(text, source->at, 4);
+    compress2((Bytef *)text + 4, &packed, (const Bytef *)source->at + 4, size - 4, 1);
+    serialized_read(&(Source){"mesh", text, text + 4 + packed, 1}, first & ~PACK, mesh);
+    free(text);
+}
 
 static void read_mesh(const uint8_t *bytes, size_t size)
 {

@@ -298,36 +298,39 @@ WALK = of("estimators/walk.h", [
      "cornell-box walk-cosine", "rays start .05 along", "other: what is nearer is missed"),
 ])  # fmt: skip
 
-JITTER = "pixel_x + film.u[0], pixel_y + film.u[1], f);"
+JITTER = "pixel_x + film.u[0], pixel_y + film.u[1], lens.u, f);"
 PATH = of("estimators/path.h", [
-    ("pixel-middle", JITTER, "pixel_x + real(0.5), pixel_y + real(0.5), f);", "many-lights nee", "no jitter",
+    ("pixel-middle", JITTER, "pixel_x + real(0.5), pixel_y + real(0.5), lens.u, f);", "many-lights nee", "no jitter",
      "convention: no jitter, middle"),
-    ("pixel-centred", JITTER, "pixel_x + film.u[0] - real(0.5), pixel_y + film.u[1] - real(0.5), f);", "cornell-box nee",
+    ("pixel-centred", JITTER, "pixel_x + film.u[0] - real(0.5), pixel_y + film.u[1] - real(0.5), lens.u, f);", "cornell-box nee",
      "pixel centres at whole numbers", "convention: half a pixel aside in x and y"),
-    ("pixel-right", JITTER, "pixel_x + film.u[0] + real(0.5), pixel_y + film.u[1], f);", "many-lights nee",
+    ("pixel-right", JITTER, "pixel_x + film.u[0] + real(0.5), pixel_y + film.u[1], lens.u, f);", "many-lights nee",
      "half a pixel to the right", "convention: half a pixel aside in x"),
-    ("pixel-transposed", JITTER, "pixel_y + film.u[1], pixel_x + film.u[0], f);", "cornell-box nee",
+    ("pixel-transposed", JITTER, "pixel_y + film.u[1], pixel_x + film.u[0], lens.u, f);", "cornell-box nee",
      "x and y exchanged", "convention: x and y exchanged"),
-    ("pixel-box", JITTER, "pixel_x + real(2) * film.u[0] - real(0.5), pixel_y + real(2) * film.u[1] - real(0.5), f);",
+    ("pixel-box", JITTER, "pixel_x + real(2) * film.u[0] - real(0.5), pixel_y + real(2) * film.u[1] - real(0.5), lens.u, f);",
      "cornell-box nee", "a box two pixels wide", "convention: wider filter, box 2"),
-    ("pixel-tent", JITTER, "pixel_x + film.u[0] + film.u[3] - real(0.5), pixel_y + film.u[1], f);", "many-lights nee",
+    ("pixel-tent", JITTER, "pixel_x + film.u[0] + film.u[3] - real(0.5), pixel_y + film.u[1], lens.u, f);", "many-lights nee",
      "a tent across", "convention: wider filter, in x alone"),
     ("pixel-blur", JITTER,
-     "pixel_x + real(4) * film.u[0] - real(1.5), pixel_y + real(4) * film.u[1] - real(1.5), f);", "cornell-box nee",
+     "pixel_x + real(4) * film.u[0] - real(1.5), pixel_y + real(4) * film.u[1] - real(1.5), lens.u, f);", "cornell-box nee",
      "a box four pixels wide", "convention: wider filter, box 4"),
-    ("pixel-quarter", JITTER, "pixel_x + film.u[0] * real(0.5), pixel_y + film.u[1] * real(0.5), f);", "cornell-box nee",
+    ("pixel-quarter", JITTER, "pixel_x + film.u[0] * real(0.5), pixel_y + film.u[1] * real(0.5), lens.u, f);", "cornell-box nee",
      "jitter in half the pixel", "convention: a quarter pixel aside, narrower"),
 ])  # fmt: skip
 
+CAMERA = of("sensors/camera.h", [
+    ("view-mirrored", "*a = real(row->a) - x * real(row->pixel_width);",
+     "*a = x * real(row->pixel_width) - real(row->a);", "cornell-box nee", "left is right", "convention: left and right exchanged"),
+    ("view-upside-down", "*b = real(row->b) - y * real(row->pixel_height);",
+     "*b = y * real(row->pixel_height) - real(row->b);", "many-lights nee", "up is down", "convention: upside down"),
+    ("view-stretched", "PictureRow row = {(Num)(2.0 / frame->width),",
+     "PictureRow row = {(Num)(2.0 / (frame->width - 1)),", "many-lights nee", "width - 1", "other: stretched across by 64/63"),
+])  # fmt: skip
+
 PERSPECTIVE = of("sensors/perspective.h", [
-    ("view-mirrored", "Real a = real(camera->a) - x * real(camera->pixel_width),",
-     "Real a = x * real(camera->pixel_width) - real(camera->a),", "cornell-box nee", "left is right", "convention: left and right exchanged"),
-    ("view-upside-down", "b = real(camera->b) - y * real(camera->pixel_height);",
-     "b = y * real(camera->pixel_height) - real(camera->b);", "many-lights nee", "up is down", "convention: upside down"),
     ("view-small-angle", "half[0] = tan(s->fov * PI / 360);", "half[0] = s->fov * PI / 360;", "cornell-box nee",
      "the angle for its tangent", "other: zoomed in"),
-    ("view-stretched", "camera->pixel_width = (Num)(2.0 / frame->width);",
-     "camera->pixel_width = (Num)(2.0 / (frame->width - 1));", "many-lights nee", "width - 1", "other: stretched across by 64/63"),
     ("view-squeezed", "half[1] = half[0] / aspect;", "half[1] = half[0] / aspect * 1.03;", "cornell-box nee",
      "pixels that are no squares", "other: squeezed"),
     ("eye-cosine", "inverse_z * inverse_z * inverse_z / real(camera->film_area)",
@@ -609,5 +612,5 @@ RNG = of("lanes/rng.h", [
 
 CHANGES: tuple[Change, ...] = (
     *DIFFUSE, *CONDUCTOR, *DIELECTRIC, *SCATTER, *PREPARE_MATERIALS, *NEE, *MIS, *EMISSION, *ROULETTE, *WALK, *PATH,
-    *PERSPECTIVE, *FILM, *TRACE, *POINTS, *SPOT, *SUN, *SKY, *AREA, *SAMPLES, *CHOICE, *PREPARE, *SHAPES, *LIGHT, *RNG,
+    *CAMERA, *PERSPECTIVE, *FILM, *TRACE, *POINTS, *SPOT, *SUN, *SKY, *AREA, *SAMPLES, *CHOICE, *PREPARE, *SHAPES, *LIGHT, *RNG,
 )  # fmt: skip

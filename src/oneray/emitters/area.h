@@ -97,6 +97,14 @@ INLINE void sample_area(const Emitters *emitters, Index i, Real u, Real v, Vec *
         *point = vec_select(ball, on, *point);
         *normal = vec_select(ball, outward, *normal);
     }
+    if (f.has & HAS_CYLINDER_LIGHT) {
+        Mask wall = shines_from(emitters, SHAPE_CYLINDER, i, f);
+        Vec on, outward;
+        cylinder_sample(center, vec_of_light(emitters->edge_x, i, f), vec_of_light(emitters->edge_y, i, f),
+            vec_of_light(emitters->normal, i, f), of_light(emitters->radius, i, f), u, v, &on, &outward);
+        *point = vec_select(wall, on, *point);
+        *normal = vec_select(wall, outward, *normal);
+    }
 }
 
 /* No flat light sees itself, however its cosine is rounded; nor is one sampled from a surface in its place, where it
@@ -107,6 +115,8 @@ INLINE Mask is_itself(const Emitters *emitters, Index i, const Receiver *at, Fea
     Mask itself = slot == at->slot;
     if (f.has & HAS_STACKS)
         itself = seat_of(emitters->stacks, slot).stack == seat_of(emitters->stacks, at->slot).stack;
+    if (f.has & HAS_CYLINDER_LIGHT)
+        itself = and_not(itself, shines_from(emitters, SHAPE_CYLINDER, i, f));
     return f.has & HAS_SPHERE_LIGHT ? and_not(itself, shines_from(emitters, SHAPE_SPHERE, i, f)) : itself;
 }
 

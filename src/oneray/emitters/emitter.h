@@ -68,10 +68,10 @@ typedef struct {
     Num (*emission)[3]; /* radiance, intensity or irradiance (LightFrom in traits.h) */
     Num (*position)[3]; /* center of a flat light or sphere; point, spot */
     Num (*edge_x)[3],
-        (*edge_y)[3];        /* flat: half the sides, of a triangle two sides from one corner; edge_x of a spot or directional light: its direction */
-    Num (*normal)[3];        /* flat: unit normal of the side that shines */
+        (*edge_y)[3];        /* flat: half the sides, of a triangle two sides from one corner; cylinder: two radii; edge_x of a spot or directional light: its direction */
+    Num (*normal)[3];        /* flat: unit normal of the side that shines; cylinder: half its axis */
     Panel *panel;            /* of a rectangle with right angles, else 0 */
-    Num *radius;             /* sphere, negative where it shines inwards */
+    Num *radius;             /* sphere, cylinder: negative where it shines inwards */
     Num *extent;             /* spot: 1 - cos of the cutoff angle */
     Num *cutoff, *beam;      /* spot: angles, radians */
     Num *area;               /* m²; 1 where there is none */

@@ -52,11 +52,11 @@ INLINE Real face_over_shading(const Surface *s, Vec w)
     return select(cosine > real(0), real_abs(vec_dot(s->face, w)) / cosine, real(0));
 }
 
-/* The vertex joined to the eye: Φ f_r cosθ V / (d² cos³θ_eye A_film). */
-INLINE void join_eye(
-    Path *path, const Scene *scene, const Surface *s, Mask active, const size_t items[], Splats *splats, Features f)
+/* The vertex joined to the eye, of a lens to a point of it: Φ f_r cosθ V / (d² cos³θ_eye A_film). */
+INLINE void join_eye(Path *path, const Scene *scene, const Surface *s, Mask active, const Real lens[2],
+    const size_t items[], Splats *splats, Features f)
 {
-    Eye eye = eye_from(&scene->camera, s->p, f);
+    Eye eye = eye_from(&scene->camera, s->p, lens, f);
     Real cosine = vec_dot(s->n, eye.wi);
     active &= eye.seen & can_receive(s, cosine, f);
     if (!(f.has & (HAS_PARTS | FINITE_TRANSMITTING)))
@@ -87,8 +87,8 @@ STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[],
         Real arriving = select(surface.cos_face > real(0), surface.cos_o / surface.cos_face, real(0));
         path->flux = light_scale(path->flux, arriving);
     }
-    join_eye(path, scene, &surface, and_not(path->alive, surface.delta), items, splats, f);
     Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
+    join_eye(path, scene, &surface, and_not(path->alive, surface.delta), random.u, items, splats, f);
     bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
     if (f.has & HAS_SMOOTH)
         path->flux = light_scale(path->flux, face_over_shading(&surface, path->ray.d));

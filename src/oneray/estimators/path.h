@@ -46,7 +46,10 @@ STAGE Uniforms film_point(const Rng *rng, const Scene *scene, Real pixel_x, Real
 STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y, Features f)
 {
     Uniforms film = film_point(&start->rng, scene, pixel_x, pixel_y, f);
-    start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1], f);
+    Uniforms lens = {{real(0)}};
+    if (f.has & HAS_LENS)
+        lens = random_block(&start->rng, index_of(0), DIMENSION_EMITTER, f);
+    start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1], lens.u, f);
     start->roulette = film.u[2];
 }
 

@@ -48,6 +48,35 @@ double read_text_number(Source *source, const char *of)
         of, (double)FLT_MAX);
 }
 
+uint64_t binary_bits(const char *at, size_t bytes, bool big)
+{
+    uint64_t bits = 0;
+    for (size_t i = 0; i < bytes; i++)
+        bits = bits << 8 | (unsigned char)at[big ? i : bytes - 1 - i];
+    return bits;
+}
+
+double binary_float(uint64_t bits, size_t bytes)
+{
+    union { uint32_t bits; float number; } single = {(uint32_t)bits};
+    union { uint64_t bits; double number; } real = {bits};
+    return bytes == 4 ? (double)single.number : real.number;
+}
+
+double checked_coordinate(const Source *source, int vertex, double value)
+{
+    if (!(fabs(value) <= (double)FLT_MAX))
+        fail(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value, (double)FLT_MAX);
+    return value;
+}
+
+int32_t checked_corner(const Source *source, int face, double vertex, int vertex_count)
+{
+    if (!(vertex >= 0 && vertex < vertex_count))
+        fail(source, "face %d has the vertex %.9g, but there are only 0 to %d", face, vertex, vertex_count - 1);
+    return (int32_t)vertex;
+}
+
 /* Normals go by the inverse transpose, whose columns are the cross products of the matrix's. */
 static void to_the_world(Mesh *mesh, const Affine *to_world)
 {

@@ -1,4 +1,4 @@
-/* Triangle meshes as a scene has them: the readers of PLY and OBJ files, and what becomes of a mesh before it
+/* Triangle meshes as a scene has them: the readers of PLY, OBJ and serialized files, and what becomes of a mesh before it
    is rendered. */
 #pragma once
 
@@ -28,6 +28,7 @@ enum { MESH_MOST = 1 << 28 }; /* vertices, or triangles, of a scene: thrice that
    length; a file without any leaves mesh->normal NULL. */
 void ply_read(Source *source, Mesh *mesh);
 void obj_read(Source *source, Mesh *mesh);
+void serialized_read(Source *source, int index, Mesh *mesh); /* the mesh of this index among the file's */
 
 /* Over the byte order mark that editors put in front of UTF-8; UTF-16 is an error. */
 void skip_mark(Source *source);
@@ -41,6 +42,15 @@ bool find_text_number(Source *source, double *value);
 
 /* The same, or the end: what is it of? */
 double read_text_number(Source *source, const char *of);
+
+/* Bytes, the most significant first or last, as bits, whatever the order of this machine; and 4 or 8 bytes of those as
+   the floating-point number that they are. */
+uint64_t binary_bits(const char *at, size_t bytes, bool big);
+double binary_float(uint64_t bits, size_t bytes);
+
+/* What a file says of a vertex and of a face's corner, if a mesh may have it. */
+double checked_coordinate(const Source *source, int vertex, double value);
+int32_t checked_corner(const Source *source, int face, double vertex, int vertex_count);
 
 /* The edges from corner k of a triangle to the next two, and their cross product; from corner 0, along the normal. */
 static inline void triangle_edges(const Mesh *mesh, int triangle, int k, double a[3], double b[3], double across[3])

@@ -161,20 +161,15 @@ static void read_header(Source *source, Header *header)
     end_line(source);
 }
 
-/* The bytes, the most significant first or last, are put together to bits, whatever the order of this machine. */
 static double binary_number(const char *at, Type type, bool big)
 {
-    uint64_t bits = 0;
-    for (size_t i = 0, last = types[type].bytes - 1; i <= last; i++)
-        bits = bits << 8 | (unsigned char)at[big ? i : last - i];
-    union { uint32_t bits; float number; } single = {(uint32_t)bits};
-    union { uint64_t bits; double number; } real = {bits};
+    uint64_t bits = binary_bits(at, types[type].bytes, big);
     switch (type) {
     case INT8: return (int8_t)bits;
     case INT16: return (int16_t)bits;
     case INT32: return (int32_t)bits;
-    case FLOAT32: return (double)single.number;
-    case FLOAT64: return real.number;
+    case FLOAT32:
+    case FLOAT64: return binary_float(bits, types[type].bytes);
     default: return (uint32_t)bits;
     }
 }
@@ -213,12 +208,8 @@ static void read_corners(Source *source, double length, const double corners[3],
     if (length != 3)
         fail(source, "face %d has %.9g corners: only triangles are supported, as in Mitsuba", number,
             length);
-    for (int k = 0; k < 3; k++) {
-        if (!(corners[k] >= 0 && corners[k] < mesh->vertex_count))
-            fail(source, "face %d has the vertex %.9g, but there are only 0 to %d", number, corners[k],
-                mesh->vertex_count - 1);
-        mesh->triangle[number][k] = (int32_t)corners[k];
-    }
+    for (int k = 0; k < 3; k++)
+        mesh->triangle[number][k] = checked_corner(source, number, corners[k], mesh->vertex_count);
     mesh->triangle_count++;
 }
 
@@ -226,11 +217,8 @@ static void keep_number(Source *source, Role role, double value, int vertex, Mes
 {
     if (!(fabs(value) <= (double)FLT_MAX) && role > Z)
         value = (double)NAN;
-    else if (!(fabs(value) <= (double)FLT_MAX))
-        fail(source, "vertex %d has the coordinate %g: a number up to %g is wanted", vertex, value,
-            (double)FLT_MAX);
     if (role <= Z)
-        mesh->vertex[vertex][role] = value;
+        mesh->vertex[vertex][role] = checked_coordinate(source, vertex, value);
     else if (role >= U)
         mesh->uv[vertex][role - U] = (float)value;
     else

@@ -21,6 +21,13 @@ static void set_side(Leaf *leaf, const Emitters *emitters, int i)
         leaf->power *= PI * leaf->radius * leaf->radius;
         return;
     }
+    if (emitters->shape[i] == SHAPE_CYLINDER) { /* a convex body shows a quarter of its area, in the mean */
+        for (int c = 0; c < 3; c++)
+            x[c] = (double)emitters->normal[i][c];
+        leaf->radius = hypot((double)emitters->radius[i], length(x));
+        leaf->power *= (double)emitters->area[i] / 4;
+        return;
+    }
     for (int c = 0; c < 3; c++) {
         leaf->axis[c] = (double)emitters->normal[i][c];
         x[c] = (double)emitters->edge_x[i][c];

@@ -100,7 +100,7 @@ static void prepare_side(Scene *scene, const Description *d, const Emitter *ligh
     if (mesh)
         store(emitters->normal[i], side.normal);
     else if (!shape_planes(shape->kind))
-        emitters->radius[i] = scene->shapes.anchor[slot][3];
+        emitters->radius[i] = scene->shapes.anchor[slot][3], store(emitters->normal[i], side.axis);
     else
         memcpy(emitters->normal[i], scene->shapes.anchor[slot], sizeof emitters->normal[i]);
     if (panel && fabs(dot(side.x, side.y)) <= 1e-12 * length(side.x) * length(side.y))

@@ -43,7 +43,9 @@ static uint64_t features_of_emitter(const Description *d, const Emitter *light)
     if (light->shape < 0)
         return has;
     ShapeKind shape = d->shapes[light->shape].kind;
-    return has | (shape == SHAPE_MESH ? HAS_MESH_LIGHT : shape_planes(shape) ? HAS_FLAT_LIGHT : HAS_SPHERE_LIGHT);
+    if (shape_planes(shape))
+        return has | HAS_FLAT_LIGHT;
+    return has | (shape == SHAPE_MESH ? HAS_MESH_LIGHT : shape == SHAPE_SPHERE ? HAS_SPHERE_LIGHT : HAS_CYLINDER_LIGHT);
 }
 
 static uint64_t features_of_material(const Description *d, int index)

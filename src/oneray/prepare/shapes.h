@@ -145,7 +145,8 @@ static bool at_the_edge(const Description *d, const Shape *flat, const Extent *b
             see_side(&sides, normal, offset, ball.low, ball.high);
         }
     }
-    see_side(&sides, normal, offset, sensor.origin, sensor.origin);
+    Extent eye = ball_extent(sensor.origin, sensor.reach);
+    see_side(&sides, normal, offset, eye.low, eye.high);
     return !(sides.below && sides.above);
 }
 

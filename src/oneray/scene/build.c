@@ -3,6 +3,7 @@
 #include "scene/hints.h"
 #include "scene/xml.h"
 
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -523,13 +524,29 @@ static void read_integrator(Builder *builder, Node *node)
 static double derived(double side) { return fmin(fmax(rint(side), 1), 1 << 28); }
 
 /* Another size; with one of the two the image keeps its shape. */
-static void set_size(Frame *frame, const uint64_t size[2])
+static void set_size(int *wide, int *high, const uint64_t size[2])
 {
-    double width = (double)size[0], height = (double)size[1], shape = (double)frame->film_width / frame->film_height;
+    double width = (double)size[0], height = (double)size[1], shape = (double)*wide / *high;
     if (width > 0 || height > 0) {
-        frame->film_width = (int)(width > 0 ? width : derived(height * shape));
-        frame->film_height = (int)(height > 0 ? height : derived(width / shape));
+        *wide = (int)(width > 0 ? width : derived(height * shape));
+        *high = (int)(height > 0 ? height : derived(width / shape));
     }
+}
+
+/* Another size of a part of the film, and with it of all of the film, where all stay whole numbers of pixels. */
+static void set_crop_size(const Node *node, Frame *frame, const uint64_t size[2])
+{
+    int *const along[2][3] = {{&frame->film_width, &frame->x, &frame->width}, {&frame->film_height, &frame->y, &frame->height}};
+    int64_t before[2] = {frame->width, frame->height};
+    set_size(&frame->width, &frame->height, size);
+    int64_t after[2] = {frame->width, frame->height};
+    for (int axis = 0; axis < 2; axis++)
+        for (int i = 0; i < 2; i++) {
+            int64_t scaled = *along[axis][i] * after[axis];
+            if (scaled % before[axis] || scaled / before[axis] > INT_MAX)
+                fail(node, "--width and --height do not go with this crop window of the film, whose edges would be within pixels");
+            *along[axis][i] = (int)(scaled / before[axis]);
+        }
 }
 
 /* The part of the film that is rendered: all of it, if the file does not say. */
@@ -540,8 +557,6 @@ static void set_crop(const Node *node, Frame *frame)
     if (frame->x > frame->film_width - frame->width || frame->y > frame->film_height - frame->height)
         fail(node, "the crop window, %d x %d pixels from (%d, %d) on, is not within the film, %d x %d pixels",
              frame->width, frame->height, frame->x, frame->y, frame->film_width, frame->film_height);
-    if ((int64_t)frame->width * frame->height > 1 << 28)
-        fail(node, "%d x %d pixels are more than 2^28", frame->width, frame->height);
 }
 
 static void read_film(Builder *builder, Node *node)
@@ -556,11 +571,14 @@ static void set_frame(const Builder *builder, const Node *node)
 {
     Frame *frame = &builder->description->sensor.frame;
     const uint64_t *size = builder->size;
-    if (size && (size[0] || size[1]) && (frame->x || frame->y || frame->width || frame->height))
-        fail(node, "--width and --height do not go with a crop window of the film (--crop does)");
-    if (size)
-        set_size(frame, size);
+    bool crop = frame->x || frame->y || frame->width || frame->height;
+    if (size && !crop)
+        set_size(&frame->film_width, &frame->film_height, size);
     set_crop(node, frame);
+    if (size && crop)
+        set_crop_size(node, frame, size);
+    if ((int64_t)frame->width * frame->height > 1 << 28)
+        fail(node, "%d x %d pixels are more than 2^28", frame->width, frame->height);
 }
 
 /* The filter's table, and what of the film its reach adds to the picture. */
@@ -789,7 +807,8 @@ static void check_box(const char *file, int line, const double low[3], const dou
 static void check_lengths(const Description *d)
 {
     SensorTraits sensor = sensor_traits(&d->sensor);
-    check_box(d->sensor.file, d->sensor.line, sensor.origin, sensor.origin);
+    Extent eye = ball_extent(sensor.origin, sensor.reach);
+    check_box(d->sensor.file, d->sensor.line, eye.low, eye.high);
     check_length(d->sensor.file, d->sensor.line, sensor.farthest);
     for (int i = 0; i < d->shape_count; i++) {
         Extent extent = shape_extent(&d->shapes[i]);

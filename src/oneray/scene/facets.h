@@ -8,14 +8,15 @@
 enum { MOST_CORNERS = 8 };
 #define OVERLAP 1e-6 /* of a surface's width: what overlaps by less only touches */
 
-/* A side of a shape. A disk is a polygon around it; a sphere has no corners. Corners go around the normal. */
+/* A side of a shape. A disk is a polygon around it; a sphere or cylinder has no corners. Corners go around the normal. */
 typedef struct {
     int shape, side, corners;
     double front; /* 1, or -1 where the normal points away from the front */
     double normal[3]; /* unit, outwards whatever flip_normals says; 0 where rounding leaves none */
     double size[3]; /* the coordinates that what is computed with it goes through wherever on it that is, … */
     double reach[3]; /* … and those of its corners, at most */
-    double radius; /* of a sphere about corner[0] */
+    double radius; /* of a sphere or cylinder about corner[0] … */
+    double axis[3]; /* … and half its axis */
     double corner[MOST_CORNERS][3];
 } Facet;
 
@@ -60,9 +61,10 @@ static inline Facet facet_of(const Description *d, int shape, int k)
         f.normal[i] = side.normal[i];
         f.reach[i] = f.size[i];
     }
-    if (s->kind == SHAPE_SPHERE) {
+    if (!shape_planes(s->kind)) {
         f.corners = 0;
-        f.radius = s->as.sphere.radius;
+        f.radius = length(side.x);
+        memcpy(f.axis, side.axis, sizeof side.axis);
         memcpy(f.corner[0], side.middle, sizeof side.middle);
         return f;
     }
@@ -180,6 +182,10 @@ static inline bool coincide(const Facet *a, const Facet *b, const double eye[3],
         return false;
     if (a->corners)
         return (lies_in(a, b, close) || lies_in(b, a, close)) && overlap(a, b, rounding);
+    double turned[3];
+    for (int i = 0; i < 3; i++)
+        turned[i] = (dot(a->axis, b->axis) < 0 ? -1 : 1) * b->axis[i];
+    difference(a->axis, turned, turned);
     difference(a->corner[0], b->corner[0], apart);
-    return length(apart) + fabs(a->radius - b->radius) <= close;
+    return length(apart) + length(turned) + fabs(a->radius - b->radius) <= close;
 }

@@ -99,7 +99,8 @@ static TreeBox box_of(const Extent *e)
 /* Can light be within it, or an eye? What else may be there is seen by neither. */
 static bool is_empty(const Search *s, const Shape *solid)
 {
-    Extent e = shape_extent(solid), eye = ball_extent(sensor_traits(&s->d->sensor).origin, 0);
+    SensorTraits sensor = sensor_traits(&s->d->sensor);
+    Extent e = shape_extent(solid), eye = ball_extent(sensor.origin, sensor.reach);
     TreeBox box = box_of(&e), other = box_of(&eye);
     bool empty = boxes_apart(&box, &other, 0);
     for (int i = 0; i < s->d->emitter_count && empty; i++) {
@@ -143,8 +144,8 @@ static bool is_bottom(const Search *s, const Facet *a, const Facet *b, const dou
     if (deepest <= touch)
         return true;
     SensorTraits sensor = sensor_traits(&s->d->sensor);
-    bool bottom =
-        deepest <= size / 32 && !s->far_light && beyond(sensor.origin, sensor.origin, n, p) <= touch;
+    bool bottom = deepest <= size / 32 && !s->far_light
+                  && beyond(sensor.origin, sensor.origin, n, p) + sensor.reach <= touch;
     for (int i = 0; i < s->d->emitter_count && bottom; i++) {
         const Emitter *light = &s->d->emitters[i];
         EmitterTraits traits = emitter_traits(light);
@@ -336,9 +337,24 @@ static bool narrow_spheres(const Shape *one, const Shape *other, double limit, d
     return least < limit && most < WIDE * limit && most > rounding;
 }
 
+/* ---- Cylinders: whatever comes near the box of one that shines, and what of triangles and round shapes at all. */
+
+static bool tube_meets(void *to, int t)
+{
+    BallQuery *q = to;
+    return found(q->search, q->ball, &q->search->d->shapes[q->search->shape[t]]);
+}
+
+static bool tube_near_triangles(Search *s, const Shape *tube)
+{
+    BallQuery to = {s, tube, 0};
+    Extent e = shape_extent(tube);
+    return ask(&(Query){s->d, box_of(&e), NULL, s->gap->limit, &to, tube_meets}, &s->patience);
+}
+
 /* ---- Shapes: a sweep along x. */
 
-/* A shape that is no mesh has faces, or is a sphere. */
+/* A shape that is no mesh has faces, or is round. */
 typedef struct {
     const Shape *shape;
     Extent box;
@@ -372,6 +388,8 @@ static bool narrow(const Search *s, const Body *a, const Body *b)
     bool close = shines_near(a, b, limit) || shines_near(b, a, limit);
     if (a->shape->kind == SHAPE_SPHERE && b->shape->kind == SHAPE_SPHERE)
         close = narrow_spheres(a->shape, b->shape, limit, s->rounding);
+    else if (a->shape->kind == SHAPE_CYLINDER || b->shape->kind == SHAPE_CYLINDER)
+        close = (!a->count && !b->count) || a->shape->emitter >= 0 || b->shape->emitter >= 0;
     for (int i = 0; i < a->count; i++)
         for (int k = 0; k < b->count; k++)
             close = close || narrow_faces(s, &a->faces[i], &b->faces[k]);
@@ -399,7 +417,8 @@ static bool narrow_at_triangles(Search *s, Body *body)
     for (int k = 0; k < body->count; k++)
         if (face_near_triangles(s, &body->faces[k], -1))
             return true;
-    return body->shape->kind == SHAPE_SPHERE && ball_near_triangles(s, body->shape);
+    return (body->shape->kind == SHAPE_SPHERE && ball_near_triangles(s, body->shape))
+           || (body->shape->kind == SHAPE_CYLINDER && tube_near_triangles(s, body->shape));
 }
 
 static bool narrow_between_shapes(Search *s)
@@ -434,7 +453,7 @@ static void size_of_triangle(const Description *d, const SensorTraits *eye, int 
     difference(d->mesh.vertex[d->mesh.triangle[t][0]], eye->origin, out);
     double square = dot(out, out), along = dot(out, eye->axis) + fmax(norm(a), norm(b));
     *area = sqrt(dot(across, across)) / 2;
-    *view = along > 0 && along * along >= eye->cosine * eye->cosine * square ? *area / (square + *area) : 0;
+    *view = along > 0 && (eye->reach > 0 || along * along >= eye->cosine * eye->cosine * square) ? *area / (square + *area) : 0;
 }
 
 static bool narrow_between_triangles(Search *s)
@@ -470,7 +489,7 @@ bool find_narrow_gap(const Description *d, Gap *gap)
     scene_bounds(d, s.all.low, s.all.high);
     for (int i = -1; i < d->emitter_count; i++) {
         EmitterTraits traits =
-            i < 0 ? (EmitterTraits){.position = sensor.origin} : emitter_traits(&d->emitters[i]);
+            i < 0 ? (EmitterTraits){.position = sensor.origin, .radius = sensor.reach} : emitter_traits(&d->emitters[i]);
         if (i >= 0)
             s.far_light |= traits.from == FROM_AFAR || traits.from == FROM_AROUND;
         if (!traits.position)

@@ -61,6 +61,17 @@ static bool mesh_shows_front(const Description *d, const MeshShape *mesh, const 
     return false;
 }
 
+/* A cylinder shows its inside to what is within its wall's prolongation; to others its outside, and through its ends it may
+   show the other. */
+static bool cylinder_shows_front(const Shape *shape, const double p[3])
+{
+    Side side = shape_side(shape, 0);
+    double to_p[3], across[3];
+    difference(p, side.middle, to_p);
+    cross(side.axis, to_p, across);
+    return norm(across) >= norm(side.axis) * norm(side.x) || shape->as.placed.flip_normals;
+}
+
 /* A cube or a sphere shows its front outside, or inside if it is turned over. */
 static bool shows_front(const Description *d, const Shape *shape, const double p[3])
 {
@@ -68,6 +79,8 @@ static bool shows_front(const Description *d, const Shape *shape, const double p
     bool inside = true;
     if (shape->kind == SHAPE_MESH)
         return mesh_shows_front(d, &shape->as.mesh, p);
+    if (shape->kind == SHAPE_CYLINDER)
+        return cylinder_shows_front(shape, p);
     for (int k = 0; k < shape_sides(shape); k++) {
         Side side = shape_side(shape, k);
         difference(p, side.middle, to_p);
@@ -85,7 +98,7 @@ static bool may_be_seen(const Shape *shape, const SensorTraits *eye)
         half[i] = (e.high[i] - e.low[i]) / 2;
         center[i] = (e.high[i] + e.low[i]) / 2 - eye->origin[i];
     }
-    double distance = norm(center), radius = norm(half);
+    double distance = norm(center), radius = norm(half) + eye->reach;
     if (distance <= radius)
         return true;
     return acos(fmax(-1, fmin(1, dot(center, eye->axis) / distance))) - asin(radius / distance)

@@ -49,7 +49,8 @@ static double reach_of(const Description *d, double *extent)
     double low[3], high[3], reach;
     scene_bounds(d, low, high);
     *extent = fmax(high[0] - low[0], fmax(high[1] - low[1], high[2] - low[2]));
-    reach = fmax(extent_of(sensor_traits(&d->sensor).origin), fmax(extent_of(low), extent_of(high)));
+    SensorTraits eye = sensor_traits(&d->sensor);
+    reach = fmax(extent_of(eye.origin) + eye.reach, fmax(extent_of(low), extent_of(high)));
     for (int i = 0; i < d->emitter_count; i++) {
         EmitterTraits traits = emitter_traits(&d->emitters[i]);
         if (is_point(&d->emitters[i]))
@@ -58,9 +59,10 @@ static double reach_of(const Description *d, double *extent)
     return reach;
 }
 
-static bool odd_sensor(const Sensor *sensor, Reason reason)
+static bool odd_sensor(const Sensor *sensor, double reach, Reason reason)
 {
-    double pixel = sensor_traits(sensor).pixel;
+    SensorTraits traits = sensor_traits(sensor);
+    double pixel = fmax(traits.pixel, traits.side / reach);
     if (sensor->frame.width > WIDEST_IMAGE || sensor->frame.height > WIDEST_IMAGE)
         return because(reason, "an image of more than %d pixels a side", WIDEST_IMAGE);
     return pixel < SMALLEST_PIXEL && because(reason, "a pixel of %.1g radians", pixel);
@@ -190,7 +192,7 @@ const char *precision_for(const Description *d, char *text, int size)
 {
     Reason reason = {text, size};
     double extent = 0, reach = reach_of(d, &extent), gap = SMALLEST_GAP * reach;
-    if (odd_sensor(&d->sensor, reason) || odd_material(d, reason) || odd_reach(d, reach, extent, reason)
+    if (odd_sensor(&d->sensor, reach, reason) || odd_material(d, reason) || odd_reach(d, reach, extent, reason)
         || odd_range(d, reach, reason) || odd_light(d, reach, reason) || odd_size(d, reach, reason)
         || odd_height(d, reach, gap, reason) || odd_gap(d, reach, gap, reason))
         return "double";

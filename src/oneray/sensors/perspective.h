@@ -1,19 +1,21 @@
 /* The pinhole camera. */
 #pragma once
 
-#include "fields.h"
-#include "traits.h"
+#include "sensors/camera.h"
 #include "text.h"
-#include "vectors.h"
 
 typedef struct perspective {
+    View view;
     double fov;   /* degrees, that the image spans along … */
     int fov_axis; /* … the x or the y axis, the diagonal, the smaller or the larger side */
     const char *focal_length; /* mm of a film of 36 x 24 mm, "50mm" */
     double principal_point[2]; /* what the image is moved by, to the left and up, in images */
-    double near_clip, far_clip;
-    Affine to_world; /* camera space to world: looks along +z, +x is to the LEFT, +y up */
 } Perspective;
+
+#define FOV_FIELDS                                                                                           \
+    {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},                                            \
+    {"focal_length", AS_STRING, offsetof(Perspective, focal_length), NULL, "50mm"},                          \
+    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x, y, diagonal, smaller, larger", "x"}
 
 enum { FOV_X, FOV_Y, FOV_DIAGONAL, FOV_SMALLER, FOV_LARGER };
 
@@ -42,29 +44,21 @@ static inline void perspective_check(void *plugin, Said *said)
         fail(length, "<sensor> has \"fov\" and \"focal_length\": write one or the other");
     }
     s->focal_length = NULL;
-    if (s->near_clip >= s->far_clip)
-        fail(said, "\"near_clip\" is %g and must be less than \"far_clip\", %g", s->near_clip, s->far_clip);
-    if (fabs(affine_uniform_scale(&s->to_world, 1e-3) - 1) > 1e-3)
+    view_check(&s->view, said);
+    if (fabs(affine_uniform_scale(&s->view.to_world, 1e-3) - 1) > 1e-3)
         fail(given(said, "to_world"), "\"to_world\" of a sensor must not scale or shear");
 }
 static const Plugin perspective_plugin = {"perspective", perspective_check, {
-    {"fov", AS_FLOAT, offsetof(Perspective, fov), "(0,180)", ""},
-    {"focal_length", AS_STRING, offsetof(Perspective, focal_length), NULL, "50mm"},
+    FOV_FIELDS,
     {"principal_point_offset_x", AS_FLOAT, offsetof(Perspective, principal_point[0]), "[-100,100]", ""},
     {"principal_point_offset_y", AS_FLOAT, offsetof(Perspective, principal_point[1]), "[-100,100]", ""},
     {"focus_distance", AS_FLOAT, LEFT_OUT, "(0,inf)", ""},
-    {"shutter_open", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
-    {"shutter_close", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
-    {"fov_axis", AS_WORD, offsetof(Perspective, fov_axis), "x, y, diagonal, smaller, larger", "x"},
-    {"near_clip", AS_FLOAT, offsetof(Perspective, near_clip), "(0,inf)", ".01"},
-    {"far_clip", AS_FLOAT, offsetof(Perspective, far_clip), "(0,inf)", "1e4"},
-    {"to_world", AS_TRANSFORM, offsetof(Perspective, to_world), NULL, ""}}};
+    VIEW_FIELDS}};
 
 /* Half extents of the picture at distance 1, and where its left and upper edge is, in these, to the left and up. */
 static inline void perspective_frame(const Perspective *s, const Frame *f, double half[2], double edge[2])
 {
-    const double film[2] = {f->film_width, f->film_height}, picture[2] = {f->width, f->height}, begins[2] = {f->x, f->y};
-    double aspect = film[0] / film[1];
+    double aspect = (double)f->film_width / f->film_height;
     bool along_x = s->fov_axis == FOV_X || s->fov_axis == (aspect > 1 ? FOV_LARGER : FOV_SMALLER);
     half[0] = tan(s->fov * PI / 360);
     if (s->fov_axis == FOV_DIAGONAL)
@@ -72,24 +66,20 @@ static inline void perspective_frame(const Perspective *s, const Frame *f, doubl
     else if (!along_x && aspect != 1)
         half[0] *= aspect;
     half[1] = half[0] / aspect;
-    for (int i = 0; i < 2; i++) {
-        double share = picture[i] / film[i];
-        half[i] *= share;
-        edge[i] = (1 - 2 * (begins[i] / film[i] + s->principal_point[i])) / share;
-    }
+    picture_frame(f, s->principal_point, half, edge);
 }
 
 static inline SensorTraits perspective_traits(const Perspective *s, const Frame *frame)
 {
-    SensorTraits traits = {.farthest = s->far_clip};
+    SensorTraits traits = {.farthest = s->view.far_clip};
     double half[2], edge[2];
     perspective_frame(s, frame, half, edge);
-    column(&s->to_world, 3, traits.origin);
-    column(&s->to_world, 2, traits.axis);
+    column(&s->view.to_world, 3, traits.origin);
+    column(&s->view.to_world, 2, traits.axis);
     normalise(traits.axis);
     traits.pixel = fmin(2 * half[0] / frame->width, 2 * half[1] / frame->height);
     for (int i = 0; i < 2; i++)
-        half[i] *= fmax(fabs(edge[i]), fabs(edge[i] - 2)) + 2.0 * frame->border / (i ? frame->height : frame->width);
+        half[i] *= fmax(fabs(edge[i]), fabs(edge[i] - 2)) + border_of(frame, i);
     traits.cosine = 1 / hypot(1, hypot(half[0], half[1]));
     return traits;
 }
@@ -97,15 +87,11 @@ static inline SensorTraits perspective_traits(const Perspective *s, const Frame 
 /* Primary rays, one pixel's box filter, and the way back. */
 #ifdef LANES
 
-#include "sensors/eye.h"
-
 typedef struct perspective_row {
     Num origin[3], left[3], up[3],
         forward[3]; /* left and up reach the edges of the image at forward's distance 1 */
     Num near_clip, far_clip;
-    Num pixel_width, pixel_height; /* in units of the half image: 2/width, 2/height */
-    Num a, b;                      /* of the picture's left and upper edge, along left and up */
-    Num from[2], to[2];            /* of the film's right and lower edge, and of its left and upper edge */
+    PictureRow picture;
     Num to_left[3], to_up[3];      /* left and up over their squared lengths: a point's place in the image */
     Num film_area;                 /* of the image at forward's distance 1 */
 } PerspectiveRow;
@@ -114,11 +100,11 @@ static inline void perspective_row(const Perspective *perspective, const Frame *
 {
     double extent[3] = {0, 0, 1}, edge[2], axis[3], out[3], back[3];
     perspective_frame(perspective, frame, extent, edge);
-    column(&perspective->to_world, 3, axis);
+    column(&perspective->view.to_world, 3, axis);
     store(camera->origin, axis);
     for (int j = 0; j < 3; j++) {
         Num *const to[3] = {camera->left, camera->up, camera->forward};
-        column(&perspective->to_world, j, axis);
+        column(&perspective->view.to_world, j, axis);
         double one = length(axis);
         for (int i = 0; i < 3; i++) {
             out[i] = axis[i] * (extent[j] / one);
@@ -128,39 +114,42 @@ static inline void perspective_row(const Perspective *perspective, const Frame *
         if (j < 2)
             store(j ? camera->to_up : camera->to_left, back);
     }
-    camera->near_clip = (Num)perspective->near_clip;
-    camera->far_clip = (Num)perspective->far_clip;
-    camera->pixel_width = (Num)(2.0 / frame->width);
-    camera->pixel_height = (Num)(2.0 / frame->height);
-    camera->a = (Num)edge[0];
-    camera->b = (Num)edge[1];
-    for (int i = 0; i < 2; i++) {
-        double border = 2.0 * frame->border / (i ? frame->height : frame->width);
-        camera->from[i] = (Num)(edge[i] - 2 - border);
-        camera->to[i] = (Num)(edge[i] + border);
-    }
+    camera->near_clip = (Num)perspective->view.near_clip;
+    camera->far_clip = (Num)perspective->view.far_clip;
+    camera->picture = picture_row(frame, edge);
     camera->film_area = (Num)(4 * extent[0] * extent[1]);
 }
 
-/* The ray through the point (x, y) of the film, in pixels from its upper left corner. It starts on the near
-   plane and ends on the far plane, as Mitsuba's does. */
-STAGE Ray perspective_ray(const PerspectiveRow *camera, Real x, Real y)
+/* The ray from o along d, which is as long as it is deep. It starts on the near plane and ends on the far plane, as
+   Mitsuba's does. */
+INLINE Ray ray_between_planes(const PerspectiveRow *camera, Vec o, Vec d)
 {
-    Real a = real(camera->a) - x * real(camera->pixel_width), b = real(camera->b) - y * real(camera->pixel_height);
-    Vec d = vec_add(vec_of(camera->forward),
-        vec_add(vec_scale(vec_of(camera->left), a), vec_scale(vec_of(camera->up), b)));
-    Ray ray = {
-        vec_add(vec_of(camera->origin), vec_scale(d, real(camera->near_clip))), d, real(0), index_of(-1)};
+    Ray ray = {vec_add(o, vec_scale(d, real(camera->near_clip))), d, real(0), index_of(-1)};
     Real length = vec_length(d);
     ray.d = vec_scale(d, real(1) / length);
     ray.tmax = (real(camera->far_clip) - real(camera->near_clip)) * length;
     return ray;
 }
 
-/* L17 The other way round. */
-INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p)
+/* Towards the point (x, y) of the film, at depth 1. */
+INLINE Vec perspective_way(const PerspectiveRow *camera, Real x, Real y)
 {
-    Vec from_eye = vec_sub(p, vec_of(camera->origin));
+    Real a, b;
+    place_of_pixel(&camera->picture, x, y, &a, &b);
+    return vec_add(vec_of(camera->forward),
+        vec_add(vec_scale(vec_of(camera->left), a), vec_scale(vec_of(camera->up), b)));
+}
+
+/* The ray through the point (x, y) of the film, in pixels from its upper left corner. */
+STAGE Ray perspective_ray(const PerspectiveRow *camera, Real x, Real y, const Real lens[2])
+{
+    (void)lens;
+    return ray_between_planes(camera, vec_of(camera->origin), perspective_way(camera, x, y));
+}
+
+/* L17 The other way round: from a point that is seen at (a, b) at depth 1, plus this shift. */
+INLINE Eye eye_at(const PerspectiveRow *camera, Vec from_eye, const Real *shift)
+{
     Real z = vec_dot(from_eye, vec_of(camera->forward)), inverse_z = real(1) / z;
     Eye eye;
     eye.distance = vec_length(from_eye);
@@ -168,12 +157,18 @@ INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p)
     eye.to_near = eye.distance * (real(1) - real(camera->near_clip) * inverse_z);
     Real a = vec_dot(from_eye, vec_of(camera->to_left)) * inverse_z;
     Real b = vec_dot(from_eye, vec_of(camera->to_up)) * inverse_z;
-    eye.x = (real(camera->a) - a) / real(camera->pixel_width);
-    eye.y = (real(camera->b) - b) / real(camera->pixel_height);
+    if (shift)
+        a = a + shift[0], b = b + shift[1];
     eye.weight = eye.distance * inverse_z * inverse_z * inverse_z / real(camera->film_area);
-    eye.seen = (z > real(camera->near_clip)) & (z < real(camera->far_clip)) & (a > real(camera->from[0]))
-               & (a <= real(camera->to[0])) & (b > real(camera->from[1])) & (b <= real(camera->to[1]));
+    eye.seen = (z > real(camera->near_clip)) & (z < real(camera->far_clip))
+               & pixel_of_place(&camera->picture, a, b, &eye);
     return eye;
+}
+
+INLINE Eye perspective_eye(const PerspectiveRow *camera, Vec p, const Real lens[2])
+{
+    (void)lens;
+    return eye_at(camera, vec_sub(p, vec_of(camera->origin)), NULL);
 }
 
 #endif

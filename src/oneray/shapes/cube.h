@@ -49,7 +49,8 @@ STAGE Stretch cube_stretch(const CubeRow *cube, const Ray *ray, Index on, Faces 
     }
     if (faces)
         faces->enter ^= 1;
-    return (Stretch){-before, after, -before <= after};
+    Mask met = -before <= after;
+    return (Stretch){-before, after, met, met};
 }
 
 /* Does the ray meet the cube, where, and which of its faces? */
@@ -62,7 +63,7 @@ INLINE Mask cube_meets(const Shapes *shapes, int i, int slot, const Ray *ray, Hi
     at->t = stretch_hit(s, on);
     Mask entering = at->t == s.near;
     at->slot = slot + index_select(entering, faces.enter, faces.leave);
-    return s.met & (at->t > real(0));
+    return s.entered & (at->t > real(0));
 }
 
 /* Where the ray is in the cube, and the slots of the faces that it enters and leaves by; it starts on slot `on`. */

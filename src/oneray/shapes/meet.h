@@ -196,8 +196,8 @@ STAGE int slot_meetings(const Shapes *shapes, int slot, const Ray *ray, Seat sta
         on = index_select(own, ray->from, on);                                                               \
         Stretch s = name##_through(                                                                          \
             shapes, (slot - shapes->first[SHAPE_##NAME]) / SLOTS(name), slot, ray, on, through);             \
-        m[0] = meeting_at(stacks, s.near, through[0], and_not(s.met, own & (s.near > real(0))), ray->d);     \
-        m[1] = meeting_at(stacks, s.far, through[1], s.met, ray->d);                                         \
+        m[0] = meeting_at(stacks, s.near, through[0], and_not(s.entered, own & (s.near > real(0))), ray->d);     \
+        m[1] = meeting_at(stacks, s.far, through[1], s.left, ray->d);                                         \
         if (!name##_planes) {                                                                                \
             m[0].up = mask_none();                                                                           \
             m[1].up = mask_all();                                                                            \
@@ -500,7 +500,7 @@ STAGE void shapes_surface(const Shapes *shapes, const Ray *ray, Index slot, Inde
         Mask is = (row >= index_of(shapes->first[SHAPE_##NAME]))                                             \
                   & (row < index_of(shapes->first[SHAPE_##NAME + 1]));                                       \
         Vec point, normal;                                                                                   \
-        name##_surface(own, met, &point, &normal);                                                           \
+        name##_surface(shapes, index_select(is, row - shapes->first[SHAPE_##NAME], index_of(0)), own, met, &point, &normal);                                                           \
         *p = vec_select(is, point, *p);                                                                      \
         *n = vec_select(is, normal, *n);                                                                     \
     }

@@ -10,6 +10,7 @@
 typedef struct mesh {
     Placed placed;
     bool face_normals, flip_tex_coords;
+    int shape_index;
     File filename;
     const Mesh *all;
     int first_triangle, triangle_count;
@@ -65,11 +66,16 @@ static inline void mesh_check(void *plugin, Said *said)
     const char *file = s->filename.name, *bytes = s->filename.bytes;
     Mesh mesh = {0}, *all = said->triangles;
     Source source = {file, bytes, bytes + s->filename.size, 1};
-    bool is_ply = strcmp(said->type, "ply") == 0;
-    if (is_ply)
-        ply_read(&source, &mesh);
-    else
+    bool is_obj = strcmp(said->type, "obj") == 0, is_serialized = strcmp(said->type, "serialized") == 0;
+    const char *of_others = is_serialized ? "flip_tex_coords" : "shape_index";
+    if (given(said, of_others))
+        fail(given(said, of_others), "<shape type=\"%s\"> has no property \"%s\"", said->type, of_others);
+    if (is_serialized)
+        serialized_read(&source, s->shape_index, &mesh);
+    else if (is_obj)
         obj_read(&source, &mesh);
+    else
+        ply_read(&source, &mesh);
     free(s->filename.bytes);
     s->filename.bytes = NULL;
     if (!mesh.triangle_count)
@@ -85,7 +91,7 @@ static inline void mesh_check(void *plugin, Said *said)
     s->first_triangle = all->triangle_count;
     s->triangle_count = mesh.triangle_count;
     s->smooth = mesh.normal != NULL;
-    bool flip = given(said, "flip_tex_coords") ? s->flip_tex_coords : !is_ply;
+    bool flip = given(said, "flip_tex_coords") ? s->flip_tex_coords : is_obj;
     for (int v = 0; mesh.uv && v < mesh.vertex_count; v++) {
         s->without_uv += isnan(mesh.uv[v][0]) || isnan(mesh.uv[v][1]);
         mesh.uv[v][1] = flip ? 1 - mesh.uv[v][1] : mesh.uv[v][1];
@@ -93,11 +99,12 @@ static inline void mesh_check(void *plugin, Said *said)
     mesh_append(all, &mesh);
     s->extent = mesh_measure(s);
 }
-static const Plugin mesh_plugin = {"ply, obj", mesh_check, {
+static const Plugin mesh_plugin = {"ply, obj, serialized", mesh_check, {
     {"filename", AS_FILE, offsetof(MeshShape, filename), NULL, NULL},
     PLACED_FIELDS,
     {"face_normals", AS_BOOLEAN, offsetof(MeshShape, face_normals), NULL, "false"},
-    {"flip_tex_coords", AS_BOOLEAN, offsetof(MeshShape, flip_tex_coords), NULL, ""} /* else an OBJ's are */}};
+    {"flip_tex_coords", AS_BOOLEAN, offsetof(MeshShape, flip_tex_coords), NULL, ""}, /* else an OBJ's are */
+    {"shape_index", AS_INTEGER, offsetof(MeshShape, shape_index), "[0,2147483647]", "0"}}};
 
 enum { mesh_planes = 0 };
 

@@ -24,6 +24,7 @@ typedef struct {
     double middle[3];
     double x[3], y[3];  /* half the sides of a parallelogram, radii; of a triangle, two sides */
     double normal[3];   /* of a flat side: unit, outwards, whatever flip_normals says; 0 where it has no area */
+    double axis[3];      /* of a cylinder: from the middle to an end */
     double across, area; /* |x × y| and the area, m² */
 } Side;
 

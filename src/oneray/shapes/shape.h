@@ -22,7 +22,7 @@
      name_through         where a ray from one of its slots, or from elsewhere, is in it, and by which it comes and goes
    for ROUND_SHAPES
      name_anchor          four numbers that stand for its surface, and
-     name_surface         by them the point of it and its normal. */
+     name_surface         by them, or by its numbers, the point of it and its normal. */
 #pragma once
 
 #include "lanes/sample.h"
@@ -55,7 +55,7 @@ typedef struct {
     Tree tree; /* of all shapes but meshes, where they are too many for a loop */
     int32_t *slot_of_leaf;
     Num (*anchor)[4]; /* by slot: the unit normal n of a flat primitive and n·p of its plane; the center of a
-                         sphere and its radius, negative if flip_normals */
+                         sphere or cylinder and its radius, negative if flip_normals */
     Int *shines;      /* by slot: is there an area light, even one of no power? */
     StackTables stacks; /* HAS_STACKS */
     Num (*place)[6][4]; /* HAS_UV, by slot: the rows from the world to its own space, and back */
@@ -119,10 +119,11 @@ INLINE Crossing flat_crossing(const Local *flat, const Ray *ray)
     return c;
 }
 
-/* The stretch near < t < far of the ray inside a convex solid; not met: it passes by. */
+/* The stretch near < t < far of the ray inside a convex solid: does it come in there, and out? Of a cylinder, which has
+   no ends, it may do one of both. */
 typedef struct {
     Real near, far;
-    Mask met;
+    Mask entered, left;
 } Stretch;
 
 /* What the ray meets of a solid: the near side, or from inside the far one. */
@@ -135,7 +136,7 @@ INLINE Mask stretch_blocks(Stretch s, const Ray *ray, Mask on, Mask is_target)
     Real t = stretch_hit(s, on);
     Mask other = (t > real(0)) & (t < ray->tmax);
     Mask itself = and_not((s.near > real(0)) & (s.near + s.far < ray->tmax + ray->tmax), on);
-    return s.met & ((is_target & itself) | and_not(other, is_target));
+    return s.entered & ((is_target & itself) | and_not(other, is_target));
 }
 
 /* hide_emitters: the lanes that `hiding` names, those of camera rays, pass the shapes that shine. */

@@ -37,7 +37,7 @@ static inline Side sphere_side(const Sphere *s, int k)
 {
     double r = s->radius;
     (void)k;
-    return (Side){{s->center[0], s->center[1], s->center[2]}, {r, 0, 0}, {0, r, 0}, {0}, r * r, 4 * PI * (r * r)};
+    return (Side){{s->center[0], s->center[1], s->center[2]}, {r, 0, 0}, {0, r, 0}, {0}, {0}, r * r, 4 * PI * (r * r)};
 }
 static inline Extent sphere_extent(const Sphere *s) { return ball_extent(s->center, s->radius); }
 
@@ -72,7 +72,8 @@ STAGE Stretch sphere_stretch(const SphereRow *ball, const Ray *ray, Mask on)
     Real radius = real(ball->radius), discriminant = radius * radius - vec_dot(foot, foot);
     Real root = real_sqrt(real_max(discriminant, real(0)));
     root = select(on, real_abs(b), root);
-    return (Stretch){-b - root, root - b, (discriminant >= real(0)) | on};
+    Mask met = (discriminant >= real(0)) | on;
+    return (Stretch){-b - root, root - b, met, met};
 }
 
 /* Where the ray is in the sphere, which it starts on if `on` is its slot. */
@@ -87,7 +88,7 @@ INLINE Mask sphere_meets(const Shapes *shapes, int i, int slot, const Ray *ray, 
     Mask on = ray->from == index_of(slot);
     Stretch s = sphere_stretch(&ROWS(shapes, SPHERE, Sphere)[i], ray, on);
     *at = (Hit){stretch_hit(s, on), index_of(slot)};
-    return s.met & (at->t > real(0));
+    return s.entered & (at->t > real(0));
 }
 
 /* A sphere that shines outwards is never in its own way: however small, its near side is the target. */
@@ -99,8 +100,9 @@ INLINE Mask sphere_blocks(const Shapes *shapes, int i, int slot, const Ray *ray,
 }
 
 /* The point nearest to `met`, and the normal there. */
-INLINE void sphere_surface(const Real anchor[4], Vec met, Vec *p, Vec *n)
+INLINE void sphere_surface(const Shapes *shapes, Index nth, const Real anchor[4], Vec met, Vec *p, Vec *n)
 {
+    (void)shapes, (void)nth;
     Vec center = vec(anchor[0], anchor[1], anchor[2]), outward = vec_normalize(vec_sub(met, center));
     *n = vec_scale(outward, flip_sign(real(1), anchor[3]));
     *p = vec_add(center, vec_scale(*n, anchor[3]));

@@ -140,7 +140,7 @@ def _readme(assignment: Assignment, left: Sequence[Function]) -> str:
 
 This is oneray, a path tracer, without the bodies of some functions: each says `not implemented` and ends the
 program. The comment above a function says what it is to do, and the formula. It builds with a C compiler,
-make, pkg-config and the libraries expat, OpenEXR, libpng and stb.
+make, pkg-config and the libraries expat, zlib, OpenEXR, libpng and stb.
 
     make
     sh render.sh {shlex.quote(assignment.tasks[0].id)} {_example(assignment)} 64 1 image.exr

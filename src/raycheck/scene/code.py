@@ -40,6 +40,9 @@ TABLES: dict[str, tuple[str, dict[str, str]]] = {
     "Disk": (
         "disks", {"center": VECTOR, "axis_u": VECTOR, "axis_v": VECTOR, "normal": VECTOR, **_SURFACE}
     ),
+    "Cylinder": (
+        "cylinders", {"p0": VECTOR, "p1": VECTOR, "radius": NUMBER, "inward": FLAG, "axes": THREE, **_SURFACE}
+    ),
     "Sphere": ("spheres", {"center": VECTOR, "radius": NUMBER, "inward": FLAG, "axes": THREE, **_SURFACE}),
     "Triangle": (
         "triangles",
@@ -155,15 +158,13 @@ def _rust_name(name: str) -> str:
     return "kind" if name == "type" else name  # a keyword
 
 
-ONLY_JSON = {"bitmap": "pictures", "environment map": "pictures", "reconstruction filter": "filter"}
-"""What a scene may need that constants and words do not say."""
+ONLY_JSON = ("bitmap", "environment map")
+"""What a scene may need that constants and words do not say: pictures."""
 
 
 def _check(data: Mapping[str, Any]) -> None:
-    for word in data["needs"]:
-        if word in ONLY_JSON:
-            what = ONLY_JSON[word]
-            raise ReferenceError_(f"scene {data['scene']}: its {what} can only be written --as json")
+    if any(word in ONLY_JSON for word in data["needs"]):
+        raise ReferenceError_(f"scene {data['scene']}: its pictures can only be written --as json")
 
 
 def source(data: Mapping[str, Any], language: Language) -> str:
@@ -187,6 +188,9 @@ def source(data: Mapping[str, Any], language: Language) -> str:
             *((n, camera[n]) for n in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")),
             ("sky", data["sky"]),
         )
+    ] + [
+        language.constant(name, kind, language.value(value, kind))
+        for name, (kind, value) in _more(camera).items()
     ] + [
         language.constant("near_clip", NUMBER, language.value(camera["near_clip"], NUMBER)),
         language.constant("far_clip", NUMBER, language.value(camera["far_clip"], NUMBER)),
@@ -213,6 +217,21 @@ def source(data: Mapping[str, Any], language: Language) -> str:
     return "\n".join([*heads, "", *constants, *blocks]) + "\n"
 
 
+def _more(camera: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+    """What a camera has that is no pinhole, or whose pixels are no squares: kinds and values, by name."""
+    lens, weights = camera.get("lens"), camera.get("filter")
+    found: dict[str, tuple[str, Any]] = {}
+    if "direction" in camera:
+        found["direction"] = VECTOR, camera["direction"]
+    if lens:
+        found |= {f"lens_{name}": (VECTOR, lens[name]) for name in ("axis_u", "axis_v", "view")}
+        found["focus_distance"] = NUMBER, lens["focus_distance"]
+    if weights:
+        found |= {"filter_kind": (NAME, weights["kind"]), "filter_radius": (NUMBER, weights["radius"])}
+        found["filter_border"] = INTEGER, weights["border"]
+    return found
+
+
 def text(data: Mapping[str, Any]) -> str:
     """The scene as numbers and words that people can type in; ReferenceError_ if they cannot say what it
     needs.
@@ -224,12 +243,22 @@ def text(data: Mapping[str, Any]) -> str:
         f"needs: {', '.join(data['needs'])}",
         f"depth: {data['max_depth']} (1 emission only, 2 direct light, -1 no limit); "
         f"roulette may begin at {data['roulette_depth']}",
-        f"image: {camera['width']} × {camera['height']}, box filter; directions to its outer corners, to be "
-        "interpolated and then normalised:",
+        f"image: {camera['width']} × {camera['height']}, {_filter(camera)}; "
+        + (
+            "ways from the origin to its outer corners, to be interpolated: where rays start"
+            if "direction" in camera
+            else "directions to its outer corners, to be interpolated and then normalised"
+        )
+        + ":",
     ]
     lines += [
         f"  {name.replace('_', ' '):13}{_words(camera[name])}"
         for name in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")
+    ]
+    lines += [
+        f"  {name.replace('_', ' '):15}{_words(value)}"
+        for name, (_, value) in _more(camera).items()
+        if not name.startswith("filter")
     ]
     clips = " to ".join(_words(camera[name]) for name in ("near_clip", "far_clip"))
     lines.append(f"the camera sees what is {clips} deep along the view")
@@ -240,6 +269,12 @@ def text(data: Mapping[str, Any]) -> str:
     for one in (*data["primitives"], *data["lights"]):
         lines.append(_described(one))
     return "\n".join(lines) + "\n"
+
+
+def _filter(camera: Mapping[str, Any]) -> str:
+    weights = camera.get("filter", {"kind": "box", "radius": 0.5, "border": 0})
+    size = f" of radius {weights['radius']:g}" if "filter" in camera else ""
+    return f"{weights['kind']} filter{size}" + (f", border {weights['border']}" if weights["border"] else "")
 
 
 def _words(value: Any) -> str:

@@ -1,15 +1,20 @@
 """What a renderer without an XML parser needs of a scene: every primitive in world space, as numbers.
 
-The JSON has a schema, `scene.schema.json`. Rectangles, and the six faces of a cube, are parallelograms
-p = corner + s edge_u + t edge_v with 0 ≤ s, t ≤ 1; meshes are triangles. A primitive shines along `normal`
-only, and reflects there only unless its material is `two_sided`; a sphere's normal points outwards unless
-`inward`. Where its material depends on (u, v), a parallelogram has them at its corner and the ends of its
-edges, linear in between, and a sphere its axes x, y, z: u is the angle around z from x in turns, v that from
-+z in half turns. Of a disk u is the distance from the center in radii, v the angle from axis_u to axis_v in
-turns. Radiance is in W·sr⁻¹·m⁻², a point light's intensity in W/sr, a sun's irradiance in W/m². Camera rays
-meet what is between `near_clip` and `far_clip` deep along the view. Pixel (i, j) of a `sky_map`, W × H pixels
-and linear in between, is seen (i + ½)/W of a turn from −z towards x and j/(H − 1) of a half turn from y, of
-its `axes`. Without a `filter` a pixel is the mean over its own square.
+The JSON has a schema, `scene.schema.json`. Rectangles, and the six faces of a cube, are parallelograms p =
+corner + s edge_u + t edge_v with 0 ≤ s, t ≤ 1; meshes are triangles. A primitive shines along `normal` only,
+and reflects there only unless its material is `two_sided`; a sphere's normal points outwards unless `inward`.
+Where its material depends on (u, v), a parallelogram has them at its corner and the ends of its edges, linear
+in between, and a sphere its axes x, y, z: u is the angle around z from x in turns, v that from +z in half
+turns. Of a disk u is the distance from the center in radii, v the angle from axis_u to axis_v in turns. A
+cylinder's wall is open at both ends; its normal points outwards unless `inward`, u is the angle around the
+way from p0 to p1 in turns, from axis x on towards y, v is 0 at p0 and 1 at p1. Radiance is in W·sr⁻¹·m⁻², a
+point light's intensity in W/sr, a sun's irradiance in W/m². Camera rays meet what is between `near_clip` and
+`far_clip` deep along the view. Pixel (i, j) of a `sky_map`, W × H pixels and linear in between, is seen (i +
+½)/W of a turn from −z towards x and j/(H − 1) of a half turn from y, of its `axes`. Without a `filter` a
+pixel is the mean over its own square. With a `lens`, rays start at the origin + s axis_u + t axis_v, s² + t²
+≤ 1, uniform by area, and go to where that from the origin is `focus_distance` deep; depths are along `view`.
+With a `direction` rays are in parallel: they start at the origin + what is interpolated between the corners,
+and end at `far_clip`.
 """
 
 import json
@@ -94,11 +99,14 @@ def needs(data: dict[str, Any]) -> list[str]:
         words.append("sky")
     if "sky_map" in data:
         words.append("environment map")
-    if "filter" in data["camera"]:
-        words.append("reconstruction filter")
+    words += [word for name, word in CAMERA_WORDS.items() if name in data["camera"]]
     depth = data["max_depth"]
     words.append("bounces without limit" if depth == -1 else f"paths of {depth} segments")
     return words
+
+
+CAMERA_WORDS = {"filter": "reconstruction filter", "lens": "thin lens", "direction": "orthographic camera"}
+"""What a camera needs that has it."""
 
 
 def _kinds(material: dict[str, Any]) -> set[str]:
@@ -114,18 +122,35 @@ def _numbers(values: Array) -> list[Any]:
 
 def _camera(camera: Camera) -> dict[str, Any]:
     """Origin, and directions to the image's corners, which lie on one plane as they are equally long: those
-    between are interpolated.
+    between are interpolated. Without perspective the ways from the origin to the corners, where rays start.
     """
-    x, y = np.array([0, camera.width, 0, camera.width]), np.array([0, 0, camera.height, camera.height])
-    ways = camera.directions(x.astype(float), y.astype(float))
+    x, y = np.array([0.0, camera.width, 0, camera.width]), np.array([0.0, 0, camera.height, camera.height])
+    ways, origin, near, far = camera.directions(x, y), camera.origin, camera.near_clip, camera.far_clip
+    view = _unit(camera.to_world[:3, 2])
+    more: dict[str, Any] = {}
+    if camera.parallel:
+        origin = camera.starts(x, y).mean(axis=0)
+        ways, near, far = camera.starts(x, y) - origin, 0.0, far - near
+        more = {"direction": view}
+    elif not camera.is_pinhole:
+        axes = (
+            camera.to_world[:3, :2] / np.linalg.norm(camera.to_world[:3, :2], axis=0) * camera.aperture_radius
+        )
+        more = {
+            "lens": {
+                "axis_u": _numbers(axes[:, 0]), "axis_v": _numbers(axes[:, 1]),
+                "focus_distance": camera.focus_distance, "view": view,
+            }
+        }  # fmt: skip
     names = ("top_left", "top_right", "bottom_left", "bottom_right")
     return {
         "width": camera.width,
         "height": camera.height,
-        "origin": _numbers(camera.origin),
+        "origin": _numbers(origin),
         **{name: _numbers(way) for name, way in zip(names, ways, strict=True)},
-        "near_clip": camera.near_clip,
-        "far_clip": camera.far_clip,
+        "near_clip": near,
+        "far_clip": far,
+        **more,
         **({} if camera.filter.is_pixel else {"filter": asdict(camera.filter)}),
     }
 
@@ -158,6 +183,16 @@ def _primitives(shape: Shape) -> list[dict[str, Any]]:
             {
                 "type": "sphere", "center": _numbers(place), "radius": radius, "inward": shape.flipped,
                 **({"axes": _numbers(linear.T / radius)} if shape.material.wants_uv else {}),
+            }
+        ]  # fmt: skip
+    if shape.kind == "cylinder":
+        radius = float(np.linalg.norm(linear[:, 0]))
+        return [
+            {
+                "type": "cylinder", "p0": _numbers(place), "p1": _numbers(place + linear[:, 2]),
+                "radius": radius,
+                "inward": shape.flipped,
+                **({"axes": [_unit(axis) for axis in linear.T]} if shape.material.wants_uv else {}),
             }
         ]  # fmt: skip
     normals = np.asarray(np.linalg.inv(linear).T, dtype=np.float64)
@@ -198,7 +233,7 @@ def _triangles(shape: Shape, sign: float) -> list[dict[str, Any]]:
     """
     if shape.mesh is None:
         raise ReferenceError_(f"<shape type={shape.kind!r}> cannot be written as primitives")
-    mesh = read_mesh(shape.mesh, shape.kind)
+    mesh = read_mesh(shape.mesh, shape.kind, shape.shape_index)
     linear, place = shape.to_world[:3, :3], shape.to_world[:3, 3]
     corners = (mesh.vertices @ linear.T + place)[mesh.faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -214,6 +249,8 @@ def _triangles(shape: Shape, sign: float) -> list[dict[str, Any]]:
         else:
             smooth = sign * _normalised(mesh.normals) @ np.linalg.inv(linear)
         smooth = _normalised(smooth)[faces]
+        if not np.isfinite(smooth).all():
+            raise ReferenceError_(f"{shape.mesh}: a vertex has a normal that is no number")
         flat *= np.where((smooth * flat[:, None]).sum(axis=(1, 2)) < 0, -1.0, 1.0)[:, None]
     rows = [
         {"type": "triangle", "vertices": _numbers(three), "normal": _numbers(normal)}

@@ -22,9 +22,10 @@ from raycheck.scene.plugins import Said, check_attributes, children, described, 
 
 @dataclass(frozen=True)
 class Shape:
-    """A rectangle, disk, cube or sphere: the unit shape placed by `to_world` (4, 4); radiance (3,).
+    """A rectangle, disk, cube, sphere or cylinder: the unit shape placed by `to_world` (4, 4); radiance (3,).
 
-    A mesh (`ply`, `obj`) is named by its kind and its file: no closed form judges by it.
+    The unit cylinder is the wall of radius 1 from z = 0 to 1. A mesh (`ply`, `obj`, `serialized`) is named by
+    its kind and its file: no closed form judges by it.
     """
 
     kind: str
@@ -34,6 +35,8 @@ class Shape:
     radiance: Array
     mesh: Path | None = None
     face_normals: bool = False
+    shape_index: int = 0
+    """Of the meshes of a serialized file."""
 
     @property
     def emits(self) -> bool:
@@ -87,7 +90,8 @@ class Filter:
 class Camera:
     """A pinhole: `to_world` (4, 4) with the view along +z and the image's right along −x, as in Mitsuba.
 
-    `tan_x` is the tangent of half the horizontal field of view.
+    `tan_x` is the tangent of half the horizontal field of view; without perspective half the image's width,
+    in camera space.
     """
 
     to_world: Array
@@ -101,6 +105,16 @@ class Camera:
     """Of the image's left and upper edge, in halves of the image to the left of and above the view's axis."""
 
     filter: Filter = Filter()
+    aperture_radius: float = 0.0
+    """Of a lens about the origin, all of whose points see one picture in the plane of focus."""
+    focus_distance: float = 0.0
+    """Of that plane, along the view."""
+    parallel: bool = False
+    """Without perspective: all rays go along the view, and `to_world` may stretch the image."""
+
+    @property
+    def is_pinhole(self) -> bool:
+        return not (self.parallel or self.aperture_radius)
 
     @property
     def origin(self) -> Array:
@@ -108,11 +122,22 @@ class Camera:
 
     def directions(self, x: Array, y: Array) -> Array:
         """Unit vectors (…, 3) through film positions x, y (…) in pixels from the top left corner."""
-        right = (self.edge[0] - 2 * x / self.width) * self.tan_x
-        up = (self.edge[1] - 2 * y / self.height) * self.tan_x * self.height / self.width
-        local = np.stack([right, up, np.ones_like(right)], axis=-1)
+        left, up = self._place(x, y)
+        if self.parallel:
+            left, up = np.zeros_like(left), np.zeros_like(up)
+        local = np.stack([left, up, np.ones_like(left)], axis=-1)
         world = local @ self.to_world[:3, :3].T
         return np.asarray(world / np.linalg.norm(world, axis=-1, keepdims=True))
+
+    def starts(self, x: Array, y: Array) -> Array:
+        """Points (…, 3) on the near plane without perspective, where the rays of x, y (…) start."""
+        local = np.stack([*self._place(x, y), np.full_like(x, self.near_clip)], axis=-1)
+        return np.asarray(local @ self.to_world[:3, :3].T + self.origin)
+
+    def _place(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """To the left and up in camera space, at distance 1."""
+        left = (self.edge[0] - 2 * x / self.width) * self.tan_x
+        return left, (self.edge[1] - 2 * y / self.height) * self.tan_x * self.height / self.width
 
     def film(self, points: Array) -> tuple[Array, Array]:
         """Film positions (x, y) of points (…, 3) in pixels; NaN for points behind the camera."""
@@ -324,16 +349,21 @@ class _Materials:
 
 
 def _shape(element: Element, materials: _Materials, file: Callable[[str], Path]) -> Shape | None:
-    """None for a sphere without size."""
+    """None for a sphere or cylinder without size."""
     light, bsdf = only(element, "emitter"), only(element, "bsdf", "ref")
-    mesh, face_normals = None, False
+    mesh, face_normals, index = None, False, 0
     with Said(element, ("bsdf", "ref", "emitter")) as said:
         to_world, flipped = said.transform("to_world"), said.flag("flip_normals")
         if said.type == "sphere":
             to_world, flipped = _sphere(said, to_world, flipped)
-        elif said.type in ("ply", "obj"):
+        elif said.type == "cylinder":
+            to_world = _cylinder(said, to_world)
+        elif said.type in ("ply", "obj", "serialized"):
             mesh, face_normals = file(said.word("filename")), said.flag("face_normals")
-            said.ignore("flip_tex_coords")
+            if said.type == "serialized":
+                index = said.integer("shape_index")
+            else:
+                said.ignore("flip_tex_coords")
         elif said.type not in ("rectangle", "disk", "cube"):
             fail(element, f"{described(element)} is not supported by raycheck")
     if bsdf is not None:
@@ -345,7 +375,7 @@ def _shape(element: Element, materials: _Materials, file: Callable[[str], Path])
     radiance = np.zeros(3) if light is None else _area_light(light)
     if not to_world[:3, :3].any():
         return None
-    return Shape(said.type, to_world, flipped, material, radiance, mesh, face_normals)
+    return Shape(said.type, to_world, flipped, material, radiance, mesh, face_normals, index)
 
 
 def _sphere(said: Said, to_world: Array, flipped: bool) -> tuple[Array, bool]:
@@ -356,6 +386,31 @@ def _sphere(said: Said, to_world: Array, flipped: bool) -> tuple[Array, bool]:
     local = np.diag([radius, radius, radius, 1.0])
     local[:3, 3] = said.triple("center")
     return to_world @ local, flipped != bool(np.linalg.det(to_world[:3, :3]) < 0)
+
+
+def _cylinder(said: Said, to_world: Array) -> Array:
+    """The matrix of the unit cylinder, with the axes across p0 … p1 that Mitsuba takes: Duff et al., JCGT
+    6(1), 2017; zeros where it has no size.
+    """
+    start, radius = said.triple("p0"), said.number("radius")
+    end = said.triple("p1") if said.given("p1") is not None else np.array([0.0, 0.0, 1.0])
+    height = float(np.linalg.norm(end - start))
+    if not radius or not height:
+        return np.zeros((4, 4))
+    x, y, z = n = (end - start) / height
+    sign = 1.0 if z >= 0 else -1.0
+    a = -1 / (sign + z)
+    s = np.array([1 + sign * x * x * a, sign * x * y * a, -sign * x])
+    t = np.array([x * y * a, sign + y * y * a, -y])
+    stand = np.eye(4)
+    stand[:3] = np.stack([radius * s, radius * t, height * n, start], axis=1)
+    placed = np.asarray(to_world @ stand)
+    lengths = np.linalg.norm(placed[:3, :3], axis=0)
+    cosines = (placed[:3, :3] / lengths).T @ (placed[:3, :3] / lengths) - np.eye(3)
+    if np.abs(cosines).max() > 1e-4 or abs(lengths[0] / lengths[1] - 1) > 1e-4:
+        wrong = "must not shear it or scale it unevenly across its axis"
+        fail(said.element, f'"to_world" of a cylinder {wrong}')
+    return placed
 
 
 def _area_light(element: Element) -> Array:
@@ -423,12 +478,19 @@ def _spot(said: Said) -> Spot:
 
 def _camera(sensor: Element) -> Camera:
     size, start, width, height, weights = _film(only(sensor, "film"))
+    lens = focus = 0.0
+    moved = [0.0, 0.0]
     with Said(sensor, ("film", "sampler")) as said:  # no sampler changes the mean of a picture
-        half, axis = _field_of_view(said)
+        parallel = said.type == "orthographic"
+        half, axis = (1.0, "x") if parallel else _field_of_view(said)
         to_world = said.transform("to_world")
         near, far = said.number("near_clip"), said.number("far_clip")
-        moved = [said.number(f"principal_point_offset_{axis}") for axis in "xy"]
-    if not abs(uniform_scale(to_world, 1e-3) - 1) <= 1e-3:
+        if said.type == "perspective":
+            moved = [said.number(f"principal_point_offset_{axis}") for axis in "xy"]
+        if said.type == "thinlens":
+            lens = said.number("aperture_radius")
+            focus = said.number("focus_distance") if said.given("focus_distance") is not None else far
+    if not parallel and not abs(uniform_scale(to_world, 1e-3) - 1) <= 1e-3:
         fail(sensor, '"to_world" of a sensor must not scale or shear')
     if near >= far:
         fail(sensor, f'"near_clip" is {near:g} and must be less than "far_clip", {far:g}')
@@ -443,7 +505,10 @@ def _camera(sensor: Element) -> Camera:
         (1 - 2 * (at / whole + by)) / share
         for at, whole, by, share in zip(start, size, moved, shares, strict=True)
     )
-    return Camera(to_world, half * shares[0], width, height, near, far, (left, upper), weights)
+    half *= shares[0]
+    return Camera(
+        to_world, half, width, height, near, far, (left, upper), weights, lens, focus, parallel
+    )  # fmt: skip
 
 
 def _field_of_view(said: Said) -> tuple[float, str]:

@@ -1,6 +1,7 @@
 """What scenes need of a renderer, and what a renderer supports, in the words of a scene's JSON.
 
-The words are of four kinds: shapes, lights, surfaces and path lengths. A renderer that names any of a kind
+The words are of six kinds: shapes, lights, surfaces, cameras, films and path lengths. Every scene without
+another has a perspective camera and a box filter, which it does not name. A renderer that names any of a kind
 supports no others of it; of a kind that it does not name it supports all.
 """
 
@@ -14,11 +15,13 @@ from raycheck.scene.materials import MATERIALS, TEXTURES
 
 UNLIMITED = "bounces without limit"
 KINDS: Mapping[str, Sequence[str]] = {
-    "shapes": ("parallelogram", "sphere", "disk", "triangle"),
+    "shapes": ("parallelogram", "sphere", "disk", "triangle", "cylinder"),
     "lights": ("area light", "point light", "spot light", "sun", "sky", "environment map"),
     "surfaces": (
         *dict.fromkeys(name for kind in MATERIALS.values() for name in kind.fields), *TEXTURES, "two-sided",
     ),
+    "cameras": ("perspective camera", "thin lens", "orthographic camera"),
+    "films": ("box filter", "reconstruction filter"),
 }  # fmt: skip
 """All words, by their kind; paths have a number beside."""
 ALSO = {"rectangle": "parallelogram"}

@@ -23,6 +23,9 @@ from raycheck.scene.techniques import BEST, technique
 from raycheck.stats.tiles import SMALLEST, tile_means, tile_sums
 from raycheck.truth import references
 
+WEIGHT_ROUNDING = 2.0**-24
+"""Of the weights of Mitsuba's filters, over the largest."""
+
 
 class Batches(Protocol):
     """A renderer of independent batches; batch k always has the same samples."""
@@ -154,19 +157,34 @@ def make_plan(renderer: Batches, goal: Goal, checked: bool = False, began: float
 
 
 def accumulate(
-    images: Iterator[Array], progress: Callable[[], object] = lambda: None
+    images: Iterator[Array], progress: Callable[[], object] = lambda: None, *, shared: bool = False
 ) -> tuple[Array, Array, int]:
-    """Mean, variance of the mean and number of images, by Welford's update in double."""
+    """Mean, variance of the mean and number of images, by Welford's update in double.
+
+    `shared`: samples count for several pixels, as with Mitsuba's filters, so that those vary together and a
+    tile's variance is more than that of its pixels by themselves. All pixels' are raised by as much as it is
+    on the whole, so that sums of them are those of tiles. Weights are single numbers, which near a filter's
+    end are rounding: so is what a pixel has of lamps that far away, and its variance says so.
+    """
     count = 0
-    mean = squares = np.zeros(())
+    mean = squares = tile_mean = tile_squares = np.zeros(())
     for image in images:
         count += 1
         change = image - mean
         mean = mean + change / count
         squares = squares + change * (image - mean)
+        if shared:
+            tiles = tile_means(image, SMALLEST)
+            change = tiles - tile_mean
+            tile_mean = tile_mean + change / count
+            tile_squares = tile_squares + change * (tiles - tile_mean)
         progress()
     if count < 2:
         raise ValueError("a variance takes at least 2 batches")
+    if shared:
+        sums, sizes = tile_sums(squares, SMALLEST)
+        squares = squares * (tile_squares.sum() / (sums / sizes[..., None] ** 2).sum())
+        squares = squares + (count - 1) * count * (WEIGHT_ROUNDING * np.abs(mean).max()) ** 2
     return mean, squares / (count - 1) / count, count
 
 
@@ -182,7 +200,9 @@ def make_reference(
     batches = plan.spp // goal.spp_per_batch
     start = time.perf_counter()
     images = renderer.batches(goal.small_batches, batches, goal.spp_per_batch)
-    mean, variance, count = accumulate(images, progress)
+    weights = [film.find("rfilter") for film in of.document().root.iter("film")]
+    shared = any(one is None or one.get("type") != "box" for one in weights)
+    mean, variance, count = accumulate(images, progress, shared=shared)
     if not (np.isfinite(mean).all() and np.isfinite(variance).all()):
         raise ValueError(f"{of.label}: the image holds NaN or Inf")
     image_error, tile_error = relative_errors(mean, variance)

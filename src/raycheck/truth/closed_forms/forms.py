@@ -30,7 +30,8 @@ def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | No
     Raises ValueError for a parameter that the scene does not have.
     """
     scene = with_faces(read_scene(path, parameters))
-    form = FORMS.get(name) if scene.camera.filter.is_pixel and scene.sky_map is None else None
+    seen_plainly = scene.camera.filter.is_pixel and scene.camera.is_pinhole and scene.sky_map is None
+    form = FORMS.get(name) if seen_plainly else None
     radiance = form(scene) if form else None
     if radiance is None:
         return None
@@ -44,7 +45,7 @@ def evaluate(name: str, path: Path, parameters: Mapping[str, str]) -> Array | No
 
 RECTANGLES_AND_BALLS = (
     "area-light", "spherical-light", "sphere-light-near", "sphere-light-far", "light-below-horizon",
-    "occluded-lights", "hidden-light", "checkerboard", "touching-light", "many-lights", "shaded-lamp",
+    "occluded-lights", "hidden-light", "checkerboard", "touching-light", "many-lights", "shaded-lamp", "crop",
 )  # fmt: skip
 FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
     **dict.fromkeys(RECTANGLES_AND_BALLS, flat_and_round_lights),
