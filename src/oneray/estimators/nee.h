@@ -9,7 +9,7 @@
 INLINE Mask can_receive(const Surface *s, Real cosine, Features f)
 {
     Mask front = cosine > real(0);
-    return f.has & FINITE_TRANSMITTING ? front | (s->both_sides & (cosine < real(0))) : front;
+    return f.has & FINITE_TRANSMITTING ? front | s->both_sides : front;
 }
 INLINE Real received(Real cosine, Features f)
 {
