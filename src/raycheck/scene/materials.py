@@ -216,7 +216,7 @@ def _told_conductor(one: Material) -> Row:
 
 def _alphas(said: Said) -> tuple[float, float]:
     """Roughness along dp/du and across."""
-    write = of.said, f"{described(said.element)}: write"
+    write = f"{described(said.element)}: write"
     if said.given("distribution") is None:  # Mitsuba's default is beckmann
         fail(said.element, f'{write} <string name="distribution" value="ggx"/>')
     along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
