@@ -39,7 +39,10 @@ def thin(ior: float) -> str:
 def fresnel(cosine: Array, ior: float) -> Array:
     """Reflectance, as the halves' sum of squares of amplitudes."""
     beyond = np.sqrt(np.maximum(1 - (1 - cosine**2) / ior**2, 0))
-    s, p = (cosine - ior * beyond) / (cosine + ior * beyond), (ior * cosine - beyond) / (ior * cosine + beyond)
+    s, p = (
+        (cosine - ior * beyond) / (cosine + ior * beyond),
+        (ior * cosine - beyond) / (ior * cosine + beyond),
+    )
     return (s * s + p * p) / 2
 
 
@@ -68,7 +71,9 @@ def test_eval_is_the_formula_and_the_same_either_way_round(
     wo, wi = above(2000, 3), above(2000, 4)
     there, back = (evaluated(driver, plastic(ior, nonlinear), a, b)[0] for a, b in ((wo, wi), (wi, wo)))
     inward, outward = (1 - fresnel(w[2], ior) for w in (wi, wo))
-    np.testing.assert_allclose(there, base(ior, nonlinear)[:, None] / np.pi * inward * outward, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        there, base(ior, nonlinear)[:, None] / np.pi * inward * outward, rtol=1e-9, atol=1e-15
+    )
     np.testing.assert_allclose(there, back, rtol=1e-12)
 
 
@@ -118,7 +123,9 @@ def test_a_furnace_shows_the_directional_albedo(
 ) -> None:
     """F + (1 − F) base ∫ (1 − F) 2c dc, by Gauss–Legendre."""
     u = (np.indices((5000, 20)).reshape(2, -1) + 0.5) / np.array([[5000], [20]])
-    found = Sampled(driver, plastic(ior, nonlinear), polar(cosine), u, hemisphere=hemisphere).factor.mean(axis=1)
+    found = Sampled(driver, plastic(ior, nonlinear), polar(cosine), u, hemisphere=hemisphere).factor.mean(
+        axis=1
+    )
     x, w = np.polynomial.legendre.leggauss(200)
     c = (x + 1) / 2
     through = (1 - fresnel(c, ior)) @ (w * c)

@@ -69,7 +69,8 @@ def plastic(scene: Scene) -> Radiance | None:
             here = np.flatnonzero(index == i)
             p = o[here] + distance[here, None] * d[here]
             mirrored, behind = (
-                found(p, way) for way in (d[here] - 2 * (d[here] @ plate.normal)[:, None] * plate.normal, d[here])
+                found(p, way)
+                for way in (d[here] - 2 * (d[here] @ plate.normal)[:, None] * plate.normal, d[here])
             )
             value[here] = _leaves(scene, plate, lamps, p, d[here], mirrored[1], behind[1])
             code[here] = 1 + (mirrored[0] + 1) * (len(lamps) + 1)
