@@ -1,4 +1,4 @@
-"""A floor of some material, and what the tracer's own functions (sampling.c) and Mitsuba make of directions there."""
+"""A floor of some material: what the tracer's own functions (sampling.c) and Mitsuba make of directions."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Plastics and thin panes: what a coat or a pane mirrors and lets through is Mitsuba's, goes on in the directions
-that its density says, is the same either way round, and adds up to what the formula does by quadrature.
+"""Plastics and thin panes: what a coat or a pane mirrors and lets through is Mitsuba's, goes on in the
+directions that its density says, is the same either way round, and adds up to what the formula does.
 
 Numbers come from the functions of plastic.h and thindielectric.h themselves (sampling.c). Seeds are fixed.
 """
@@ -95,7 +95,7 @@ def test_a_texture_weighs_lobes_by_its_mean_as_mitsuba_does(driver: Driver) -> N
 def test_the_factor_is_brdf_times_cosine_over_density(
     driver: Driver, wide: list[Driver], ior: float, nonlinear: bool, hemisphere: str
 ) -> None:
-    """Of what is no delta; of the mirrored, the mean over all that comes that way is the coat's reflectance."""
+    """Of what is no delta; of the mirrored, the coat's reflectance over its chance."""
     wo, u = above(5000, 5), uniforms(5000, 6)
     bsdf = plastic(ior, nonlinear)
     s = Sampled(driver, bsdf, wo, u, hemisphere=hemisphere)

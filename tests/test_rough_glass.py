@@ -1,5 +1,5 @@
-"""Rough glass: what its microfacets reflect and refract is Mitsuba's, goes on in the directions that its density
-says, is the same either way round but for η², and adds up to no more than all of it.
+"""Rough glass: what its microfacets reflect and refract is Mitsuba's, goes on in the directions that its
+density says, is the same either way round but for η², and adds up to no more than all of it.
 
 Numbers come from the functions of roughdielectric.h themselves (sampling.c). Seeds are fixed; all statistical
 checks of this file together would raise a false alarm for one choice of seeds in 10⁴ (sampling.py).
@@ -84,7 +84,7 @@ def test_the_factor_is_bsdf_times_cosine_over_density(
 def test_it_is_the_same_either_way_round_but_for_the_index(
     driver: Driver, alpha: tuple[float, float]
 ) -> None:
-    """f(wo, wi)/η_o² = f(wi, wo)/η_i²; of flux, which light tracing carries, the other way round, and without η²."""
+    """f(wo, wi) η_i² = f(wi, wo) η_o²; of flux, which light tracing carries, the other way round."""
     wo, n = on_side(3000, 6, 1), 3000
     wi = Sampled(driver, glass(alpha), wo, uniforms(wo.shape[1], 7, 4)).wi
     index = np.where(wi[2] < 0, 1.5, 1)
@@ -151,7 +151,10 @@ def test_what_is_sampled_adds_up_to_the_formula_and_to_no_more_than_all(
 @each_hemisphere
 def test_a_blend_loses_what_a_part_sends_to_the_wrong_side(driver: Driver, hemisphere: str) -> None:
     """Of two rough glasses and a metal: each one's albedo, η² included, by its share."""
-    metal = '<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="1"/></bsdf>'
+    metal = (
+        '<bsdf type="roughconductor"><string name="distribution" value="ggx"/>'
+        '<float name="alpha" value="1"/></bsdf>'
+    )
     parts = (glass((1.0, 1.0)), glass((0.3, 0.3), 2.4), metal)
     inner = f'<bsdf type="blendbsdf"><float name="weight" value="0.5"/>{parts[1]}{parts[2]}</bsdf>'
     blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.6"/>{parts[0]}{inner}</bsdf>'

@@ -266,7 +266,8 @@ RENDERED = {
         '<rgb name="specular_reflectance" value=".2, .9, .9"/></bsdf>'
     ),
     "rough-glass": with_ball(
-        '<bsdf type="roughdielectric"><string name="distribution" value="ggx"/><float name="alpha" value=".3"/>'
+        '<bsdf type="roughdielectric"><string name="distribution" value="ggx"/>'
+        '<float name="alpha" value=".3"/>'
         '<rgb name="specular_transmittance" value="1, .7, .5"/></bsdf>'
     ),
     "anisotropic-rough-glass": with_panes(
@@ -278,7 +279,8 @@ RENDERED = {
         '<rgb name="specular_reflectance" value=".5, 1, 1"/></bsdf>'
     ),
     "nonlinear-plastic-with-a-board": with_panes(
-        '<bsdf type="plastic"><string name="int_ior" value="diamond"/><boolean name="nonlinear" value="true"/>'
+        '<bsdf type="plastic"><string name="int_ior" value="diamond"/>'
+        '<boolean name="nonlinear" value="true"/>'
         '<ref name="diffuse_reflectance" id="board"/><ref name="specular_reflectance" id="board"/></bsdf>'
     ).replace("<shape", BOARD.format('id="board"') + "<shape", 1),
     "a-lamp-is-black": BASE.replace('value="0.5, 0.6, 0.9"', 'value="4, 4, 9"').replace(

@@ -420,7 +420,9 @@ class Tracer:
         u = _unit(along - _dot(along, n)[:, None] * n)
         return self._rough_glass(m, (m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u)), which, p, wo, n)
 
-    def _rough_glass(self, m: Any, alphas: Any, across: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+    def _rough_glass(
+        self, m: Any, alphas: Any, across: Any, which: Array, p: Array, wo: Array, n: Array
+    ) -> Any:
         """A facet by D cosθ; lights in a point, which this finds by no chance, are none of its scenes."""
         assert not self.data["lights"]
         outside = _dot(wo, n) > 0

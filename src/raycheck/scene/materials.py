@@ -258,8 +258,8 @@ def _told_glass(one: Material) -> Row:
 
 
 def diffuse_fresnel(eta: float) -> float:
-    """Reflectance of a coat for diffuse light from inside, eta its index over that outside: Mitsuba's fits, of
-    Egan and Hilgeman (1973), and where eta is below 1 of d'Eon and Irving (2011).
+    """Reflectance of a coat for diffuse light from inside, eta its index over that outside: Mitsuba's fits,
+    of Egan and Hilgeman (1973), and where eta is below 1 of d'Eon and Irving (2011).
     """
     if eta > 1:
         return 0.0636 * eta + 0.6681 + (0.7099 - 1.4399 / eta) / eta
