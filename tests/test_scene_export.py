@@ -483,7 +483,7 @@ SENSOR = '<float name="fov" value="40"/>'
     [
         (with_panes('<bsdf type="twosided"><ref id="red"/><bsdf type="diffuse"/></bsdf>'), 19,
          "with two bsdfs is not supported by raycheck"),
-        (with_ball('<bsdf type="plastic"/>'), 19, '<bsdf type="plastic"> is not supported'),
+        (with_ball('<bsdf type="pplastic"/>'), 19, '<bsdf type="pplastic"> is not supported'),
         (with_ball('<medium name="interior" type="homogeneous"/>'), 19, "<medium> is not supported in"),
         (with_ball('<bsdf type="roughconductor"><float name="alpha" value=".3"/></bsdf>'), 19,
          'write <string name="distribution" value="ggx"/>'),

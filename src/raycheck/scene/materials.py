@@ -281,8 +281,11 @@ def _told_roughdielectric(one: Material) -> Row:
 
 
 def _plastic(of: Source) -> Material:
-    colours = of.colours(reflectance="diffuse_reflectance", specular="specular_reflectance")
-    return Material(of.said.type, **colours, eta=of.ratio(), nonlinear=of.said.flag("nonlinear"))
+    colours, eta = of.colours(reflectance="diffuse_reflectance", specular="specular_reflectance"), of.ratio()
+    if diffuse_fresnel(eta[0]) >= 1:
+        which = described(of.said.element)
+        fail(of.said.element, f"{which}: from int_ior 3.85 times ext_ior on its coat would make light")
+    return Material(of.said.type, **colours, eta=eta, nonlinear=of.said.flag("nonlinear"))
 
 
 def _told_plastic(one: Material) -> Row:
