@@ -215,11 +215,11 @@ OVER_COLUMNS(scatter)
 {
     Features f = scene->features;
     Ray ray = {get_vec(b, 0), get_vec(b, 3), real(NUM_MAX), index_of(-1)};
-    const Real u[2] = {get(b, 6), get(b, 7)};
+    const Real u[2] = {get(b, 6), get(b, 7)}, which[2] = {get(b, 9), get(b, 8)};
     Hit hit = shapes_hit(&scene->shapes, &ray, mask_all(), mask_none(), f);
     Mask front;
     Surface s = surface_at(&scene->shapes, &scene->materials, &ray, hit, &front, f);
-    Scatter out = sample_material(&scene->materials, &s, get(b, 9), u, f);
+    Scatter out = sample_material(&scene->materials, &s, which, u, f);
     Features asked = {f.has, f.use | USE_SURVIVAL_PDF};
     Evaluation wi = evaluate_material(&scene->materials, &s, out.wi, vec_dot(s.n, out.wi), asked);
     put_vec(b, 0, out.wi);
@@ -231,7 +231,7 @@ OVER_COLUMNS(scatter)
     put_light(b, 12, wi.f_r);
     put(b, 15, wi.pdf_w);
     put_light(b, 16, wi.factor);
-    put_index(b, 19, f.has & HAS_BLEND ? choose_part(&scene->materials, &s, get(b, 9)) : s.row);
+    put_index(b, 19, f.has & HAS_BLEND ? choose_part(&scene->materials, &s, which[0]) : s.row);
     put_mask(b, 20, hit.slot >= index_of(0));
 }
 

@@ -14,6 +14,7 @@ import sys
 import numpy as np
 import pytest
 from building import ROOT
+from floors import Sampled, above, evaluated, polar
 from sampling import LEVEL, Array, Driver, chi_squared, directions, uniforms
 
 from raycheck.scene.materials import METALS, Material
@@ -30,37 +31,6 @@ def rough(alpha: float, metal: str = "Au", tint: str = "1") -> str:
         f'<float name="alpha" value="{alpha}"/>'
         f'<string name="material" value="{metal}"/><rgb name="specular_reflectance" value="{tint}"/></bsdf>'
     )
-
-
-def floor(bsdf: str) -> str:
-    """In z = 0, facing up."""
-    return f'<shape type="rectangle">{bsdf}</shape>'
-
-
-def above(n: int, seed: int) -> Array:
-    d = directions(n, seed)
-    return d * np.sign(d[2])
-
-
-def polar(cosine: float) -> Array:
-    return np.array([[np.sqrt(1 - cosine**2)], [0.0], [cosine]])
-
-
-class Sampled:
-    """What a floor does with rays from wo (3, n), given u (2, n) or (4, n)."""
-
-    def __init__(self, driver: Driver, bsdf: str, wo: Array, u: Array, **technique) -> None:
-        u = np.vstack([u, np.full((4 - len(u), u.shape[1]), 0.5)])
-        with driver.scene(floor(bsdf), **technique) as scene:
-            out = driver("scatter", wo, -wo, u, scene=scene)
-        self.wi, self.factor, self.pdf = out[:3], out[3:6], out[6]
-
-
-def evaluated(driver: Driver, bsdf: str, wo: Array, wi: Array, **technique) -> tuple[Array, Array, Array]:
-    """f_r (3, n), pdf (n,), f_r cosθ / pdf (3, n)."""
-    with driver.scene(floor(bsdf), **technique) as scene:
-        out = driver("evaluate", wo, -wo, wi, scene=scene)
-    return out[:3], out[3], out[4:]
 
 
 @each_alpha

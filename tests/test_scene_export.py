@@ -242,6 +242,13 @@ def with_panes(bsdf: str) -> str:
     return BASE.replace("<!-- here -->", "".join(panes))
 
 
+BOARD = (
+    '<texture type="checkerboard" {}><rgb name="color0" value="0.9, 0.8, 0.1"/>'
+    '<rgb name="color1" value="0.05, 0.1, 0.6"/><transform name="to_uv"><scale x="0.5"/>'
+    '<translate x="-4" y="7"/></transform></texture>'
+)
+
+
 RENDERED = {
     "metal-by-name": with_ball('<bsdf type="conductor"><string name="material" value="Cu"/></bsdf>'),
     "tinted-glass": with_ball(
@@ -254,6 +261,29 @@ RENDERED = {
         '<float name="alpha_u" value=".4"/><float name="alpha_v" value=".4"/>'
         '<boolean name="sample_visible" value="false"/></bsdf>'
     ),
+    "thin-pane": with_panes(
+        '<bsdf type="thindielectric"><float name="int_ior" value="2.4"/>'
+        '<rgb name="specular_transmittance" value="1, .5, .2"/>'
+        '<rgb name="specular_reflectance" value=".2, .9, .9"/></bsdf>'
+    ),
+    "rough-glass": with_ball(
+        '<bsdf type="roughdielectric"><string name="distribution" value="ggx"/>'
+        '<float name="alpha" value=".3"/>'
+        '<rgb name="specular_transmittance" value="1, .7, .5"/></bsdf>'
+    ),
+    "anisotropic-rough-glass": with_panes(
+        '<bsdf type="roughdielectric"><string name="distribution" value="ggx"/>'
+        '<float name="alpha_u" value=".1"/><float name="alpha_v" value=".6"/></bsdf>'
+    ),
+    "plastic": with_ball(
+        '<bsdf type="plastic"><rgb name="diffuse_reflectance" value=".9, .3, .1"/>'
+        '<rgb name="specular_reflectance" value=".5, 1, 1"/></bsdf>'
+    ),
+    "nonlinear-plastic-with-a-board": with_panes(
+        '<bsdf type="plastic"><string name="int_ior" value="diamond"/>'
+        '<boolean name="nonlinear" value="true"/>'
+        '<ref name="diffuse_reflectance" id="board"/><ref name="specular_reflectance" id="board"/></bsdf>'
+    ).replace("<shape", BOARD.format('id="board"') + "<shape", 1),
     "a-lamp-is-black": BASE.replace('value="0.5, 0.6, 0.9"', 'value="4, 4, 9"').replace(
         'x="2" y="3" z="2"', 'x="0.5" y="1" z="3"'
     ),
@@ -319,11 +349,6 @@ RENDERED = {
 }  # fmt: skip
 """Scenes that say something that no file above says."""
 
-BOARD = (
-    '<texture type="checkerboard" {}><rgb name="color0" value="0.9, 0.8, 0.1"/>'
-    '<rgb name="color1" value="0.05, 0.1, 0.6"/><transform name="to_uv"><scale x="0.5"/>'
-    '<translate x="-4" y="7"/></transform></texture>'
-)
 BRUSHED = (
     '<bsdf type="twosided"><bsdf type="roughconductor"><string name="distribution" value="ggx"/>'
     '<float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.8"/></bsdf></bsdf>'
@@ -483,7 +508,7 @@ SENSOR = '<float name="fov" value="40"/>'
     [
         (with_panes('<bsdf type="twosided"><ref id="red"/><bsdf type="diffuse"/></bsdf>'), 19,
          "with two bsdfs is not supported by raycheck"),
-        (with_ball('<bsdf type="plastic"/>'), 19, '<bsdf type="plastic"> is not supported'),
+        (with_ball('<bsdf type="pplastic"/>'), 19, '<bsdf type="pplastic"> is not supported'),
         (with_ball('<medium name="interior" type="homogeneous"/>'), 19, "<medium> is not supported in"),
         (with_ball('<bsdf type="roughconductor"><float name="alpha" value=".3"/></bsdf>'), 19,
          'write <string name="distribution" value="ggx"/>'),

@@ -386,7 +386,7 @@ class Tracer:
             index = np.where(blend, first + (self.rng.random(count) < share), index)
         for number, material in enumerate(self.materials):
             on = np.flatnonzero(index == number)
-            if material["type"] not in ("dielectric", "null"):
+            if not material["type"].endswith(("dielectric", "null")):
                 on = on[_dot(n[on], wo[on]) > 0]
             if material["type"] == "blend" or not len(on):
                 continue
@@ -446,11 +446,14 @@ class Tracer:
         light = self._points(which, p, n, lambda wi: f)
         if len(self.lamps):
             light = light + f * self._lamp(which, p, n)
-        x, y = self.rng.random((2, len(p)))
+        return light, self._hemisphere(n), f * np.pi, np.zeros(len(p), bool)
+
+    def _hemisphere(self, n: Array) -> Array:
+        """Directions about n, with the density cosθ/π."""
+        x, y = self.rng.random((2, len(n)))
         u, v = _frame(n)
         r, angle = np.sqrt(x)[:, None], (2 * np.pi * y)[:, None]
-        wi = _unit(r * np.cos(angle) * u + r * np.sin(angle) * v + np.sqrt(1 - x)[:, None] * n)
-        return light, wi, f * np.pi, np.zeros(len(p), bool)
+        return _unit(r * np.cos(angle) * u + r * np.sin(angle) * v + np.sqrt(1 - x)[:, None] * n)
 
     def _mirror(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         wi = 2 * _dot(wo, n)[:, None] * n - wo
@@ -476,6 +479,30 @@ class Tracer:
         reflected = self._colour(m, "reflectance", which, p)
         return 0.0, _unit(wi), np.where(reflects[:, None], reflected, refracted), True
 
+    def _thin_dielectric(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        cosine = _dot(wo, n)[:, None]
+        face = fresnel_glass(np.abs(cosine), np.array(m["eta"]))[0]
+        reflects = self.rng.random((len(p), 1)) < 2 * face / (1 + face)
+        colours = (self._colour(m, name, which, p) for name in ("reflectance", "transmittance"))
+        return 0.0, np.where(reflects, 2 * cosine * n - wo, -wo), np.where(reflects, *colours), True
+
+    def _plastic(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        base, coat = self._base(m, which, p), self._colour(m, "specular", which, p)
+
+        def through(w: Array) -> Array:
+            return 1 - fresnel_glass(np.abs(_dot(w, n)), np.array(m["eta"]))[0][:, None]
+
+        light = self._points(which, p, n, lambda wi: base / np.pi * through(wo) * through(wi))
+        mirrors = self.rng.random((len(p), 1)) < 0.5
+        wi = np.where(mirrors, 2 * _dot(wo, n)[:, None] * n - wo, self._hemisphere(n))
+        factor = np.where(mirrors, coat * (1 - through(wo)), base * through(wo) * through(wi))
+        return light, wi, 2 * factor, True
+
+    def _base(self, m: Any, which: Array, p: Array) -> Array:
+        """Reflectance under a coat: of light that comes in once, all that goes out in the end."""
+        colour = self._colour(m, "reflectance", which, p)
+        return colour / (1 - m["internal"] * (colour if m["nonlinear"] else 1)) / m["eta"] ** 2
+
     def _rough_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         return self._microfacets(m, Ggx((m["alpha"],) * 2, (*_frame(n), n)), which, p, wo)
 
@@ -484,6 +511,36 @@ class Tracer:
         u = _unit(along - _dot(along, n)[:, None] * n)
         ggx = Ggx((m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u), n))
         return self._microfacets(m, ggx, which, p, wo)
+
+    def _rough_dielectric(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        return self._rough_glass(m, (m["alpha"],) * 2, _frame(n), which, p, wo, n)
+
+    def _anisotropic_dielectric(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        _, along = self.shapes.coordinates(which, p)
+        u = _unit(along - _dot(along, n)[:, None] * n)
+        return self._rough_glass(m, (m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u)), which, p, wo, n)
+
+    def _rough_glass(
+        self, m: Any, alphas: Any, across: Any, which: Array, p: Array, wo: Array, n: Array
+    ) -> Any:
+        """A facet by D cosθ; lights in a point, which this finds by no chance, are none of its scenes."""
+        assert not self.data["lights"]
+        outside = _dot(wo, n) > 0
+        n, ratio = np.where(outside[:, None], n, -n), np.where(outside, m["eta"], 1 / m["eta"])
+        ggx = Ggx(alphas, (*across, n))
+        h = ggx.sample(*self.rng.random((2, len(p))))
+        cosine = np.maximum(_dot(wo, h), 1e-12)
+        share, beyond = fresnel_glass(cosine, ratio)
+        reflects = self.rng.random(len(p)) < share
+        through = (cosine / ratio - np.nan_to_num(beyond))[:, None] * h - wo / ratio[:, None]
+        wi = np.where(reflects[:, None], 2 * cosine[:, None] * h - wo, through)
+        side = np.where(reflects, 1, -1)
+        kept = (_dot(wo, h) > 0) & (side * _dot(wi, n) > 0)
+        g = ggx.shadowing(wo) * ggx.shadowing(side[:, None] * wi)
+        weight = np.where(kept, g * cosine / (_dot(wo, n) * _dot(h, n)), 0.0)[:, None]
+        tints = [self._colour(m, name, which, p) for name in ("reflectance", "transmittance")]
+        factor = np.where(reflects[:, None], tints[0], tints[1] / ratio[:, None] ** 2)
+        return 0.0, _unit(wi), factor * weight, True
 
     def _microfacets(self, m: Any, ggx: Ggx, which: Array, p: Array, wo: Array) -> Any:
         tint, n = self._colour(m, "reflectance", which, p), ggx.frame[2]

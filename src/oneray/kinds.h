@@ -12,13 +12,19 @@
 #include <stdint.h>
 
 /* Of the first the BSDF is a finite number; of the others a delta: light comes from single directions, which can be
-   sampled but not evaluated. A row of zeros is the first kind's, and black. */
+   sampled but not evaluated. A row of zeros is the first kind's, and black. A coat reflects light besides what the
+   row's reflectance says; that of a smooth coat is a delta, which is sampled with the rest. */
+#define SMOOTH_COATS(X) X(PLASTIC, plastic, "plastic")
+#define COATS(X) SMOOTH_COATS(X)
 #define FINITE_MATERIALS(X)                                                                                  \
     X(DIFFUSE, diffuse, "diffuse")                                                                           \
-    X(ROUGHCONDUCTOR, roughconductor, "rough conductor")
+    X(ROUGHCONDUCTOR, roughconductor, "rough conductor")                                                     \
+    X(ROUGHDIELECTRIC, roughdielectric, "rough dielectric")                                                  \
+    COATS(X)
 #define DELTA_MATERIALS(X)                                                                                   \
     X(CONDUCTOR, conductor, "conductor")                                                                     \
     X(DIELECTRIC, dielectric, "dielectric")                                                                  \
+    X(THINDIELECTRIC, thindielectric, "thin dielectric")                                                     \
     X(NULL, null, "null")
 #define MATERIALS(X) FINITE_MATERIALS(X) DELTA_MATERIALS(X)
 

@@ -59,7 +59,7 @@ INLINE void join_eye(Path *path, const Scene *scene, const Surface *s, Mask acti
     Eye eye = eye_from(&scene->camera, s->p, lens, f);
     Real cosine = vec_dot(s->n, eye.wi);
     active &= eye.seen & can_receive(s, cosine, f);
-    if (!(f.has & (HAS_PARTS | FINITE_TRANSMITTING)))
+    if (!(f.has & (HAS_PARTS | FINITE_TRANSMITTING | HAS_ANY(COATS))))
         active &= light_max(s->reflectance) > real(0);
     if (!any(active))
         return;
@@ -89,7 +89,7 @@ STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[],
     }
     Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
     join_eye(path, scene, &surface, and_not(path->alive, surface.delta), random.u, items, splats, f);
-    bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
+    bounce(path, scene, &surface, choice.u + 2, random.u + 2, f);
     if (f.has & HAS_SMOOTH)
         path->flux = light_scale(path->flux, face_over_shading(&surface, path->ray.d));
 }

@@ -8,8 +8,8 @@
    material that transmits, from both. */
 INLINE Mask can_receive(const Surface *s, Real cosine, Features f)
 {
-    Mask front = cosine > real(0);
-    return f.has & FINITE_TRANSMITTING ? front | (s->both_sides & (cosine < real(0))) : front;
+    (void)f;
+    return (cosine > real(0)) | s->both_sides;
 }
 INLINE Real received(Real cosine, Features f)
 {

@@ -69,7 +69,7 @@ INLINE void path_start(Path *path, Mask fresh)
 INLINE Uniforms choices(const Path *path, Features f)
 {
     Uniforms none = {{real(0)}};
-    return f.has & (HAS_MANY_LIGHTS | HAS_BLEND) ? random_block(&path->rng, path->depth, DIMENSION_CHOICE, f) : none;
+    return f.has & (HAS_MANY_LIGHTS | HAS_BLEND | FINITE_TRANSMITTING) ? random_block(&path->rng, path->depth, DIMENSION_CHOICE, f) : none;
 }
 
 /* What light that meets the path here counts for in its pixel. */

@@ -7,9 +7,9 @@
 /* The random walk goes on: one ray over the hemisphere (L8, L9), or by the mirror or the glass (L11, L15), if it
    survives (L14). */
 STAGE void bounce(
-    Path *path, const Scene *scene, const Surface *s, Real part, const Real direction[2], Features f)
+    Path *path, const Scene *scene, const Surface *s, const Real which[2], const Real direction[2], Features f)
 {
-    Scatter scatter = sample_material(&scene->materials, s, part, direction, f);
+    Scatter scatter = sample_material(&scene->materials, s, which, direction, f);
     path->throughput = light_mul(path->throughput, scatter.factor);
     path->pdf_w = scatter.pdf_w;
     path->delta = scatter.delta;
@@ -61,12 +61,12 @@ STAGE void path_step(Path *path, const Scene *scene, Features f)
         path->unreachable = path->alive & has_delta(&scene->materials, &surface, f);
         path->alive = mask_none();
     }
-    if (!(f.has & (TRANSMITTING | HAS_BLEND)))
+    if (!(f.has & BRIGHT_WHERE_BLACK))
         path->alive &= light_max(surface.reflectance) > real(0);
     if (!any(path->alive))
         return;
     Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
     if (f.use & USE_NEE)
         next_event(path, scene, &surface, and_not(path->alive, surface.delta), choice.u, random.u, f);
-    bounce(path, scene, &surface, choice.u[2], random.u + 2, f);
+    bounce(path, scene, &surface, choice.u + 2, random.u + 2, f);
 }

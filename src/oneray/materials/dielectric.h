@@ -11,11 +11,13 @@ typedef struct dielectric {
     Reflectance specular_reflectance, specular_transmittance;
 } Dielectric;
 
-static const Plugin dielectric_plugin = {"dielectric", NULL, {
-    {"int_ior", AS_IOR, offsetof(Dielectric, int_ior), "(0,1000]", "1.5046"}, /* bk7 */
-    {"ext_ior", AS_IOR, offsetof(Dielectric, ext_ior), "(0,1000]", "1.000277"}, /* air */
-    {"specular_reflectance", AS_REFLECTANCE, offsetof(Dielectric, specular_reflectance), "[0,1]", "1"},
-    {"specular_transmittance", AS_REFLECTANCE, offsetof(Dielectric, specular_transmittance), "[0,1]", "1"}}};
+/* Of all plugins whose struct has a Dielectric there. */
+#define DIELECTRIC_FIELDS(at)                                                                                \
+    {"int_ior", AS_IOR, (at) + offsetof(Dielectric, int_ior), "(0,1000]", "1.5046"}, /* bk7 */               \
+    {"ext_ior", AS_IOR, (at) + offsetof(Dielectric, ext_ior), "(0,1000]", "1.000277"}, /* air */             \
+    {"specular_reflectance", AS_REFLECTANCE, (at) + offsetof(Dielectric, specular_reflectance), "[0,1]", "1"}, \
+    {"specular_transmittance", AS_REFLECTANCE, (at) + offsetof(Dielectric, specular_transmittance), "[0,1]", "1"}
+static const Plugin dielectric_plugin = {"dielectric", NULL, {DIELECTRIC_FIELDS(0)}};
 
 /* Inside over outside. */
 static inline double dielectric_ior(const Dielectric *m) { return m->int_ior / m->ext_ior; }

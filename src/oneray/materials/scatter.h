@@ -7,13 +7,12 @@
 #define IF_TRANSMITS(NAME, name, words) | (name##_transmits ? HAS_##NAME : 0)
 #define TRANSMITTING (0 MATERIALS(IF_TRANSMITS))
 #define FINITE_TRANSMITTING (0 FINITE_MATERIALS(IF_TRANSMITS))
+/* And of those that send light on even where their reflectance is black. */
+#define BRIGHT_WHERE_BLACK (TRANSMITTING | HAS_ANY(COATS) | HAS_BLEND)
 
-/* Where there is one kind of material and nothing goes through it, no kind is looked up: a path ends at what is black,
-   before it is asked of its kind. */
-INLINE int one_material(Features f)
-{
-    return IS_ONE(f.has & HAS_ANY(MATERIALS)) && !(f.has & (TRANSMITTING | HAS_BLEND));
-}
+/* Where there is one kind of material and its reflectance is all that goes on, no kind is looked up: a path ends at
+   what is black, before it is asked of its kind. */
+INLINE int one_material(Features f) { return IS_ONE(f.has & HAS_ANY(MATERIALS)) && !(f.has & BRIGHT_WHERE_BLACK); }
 
 INLINE Index kind_of_row(const Materials *materials, Index row, Features f)
 {
@@ -49,7 +48,7 @@ INLINE void find_material(const Materials *materials, Surface *s, Features f)
 /* Is any of it a delta, of a blend any part? */
 INLINE Mask has_delta(const Materials *materials, const Surface *s, Features f)
 {
-    return f.has & HAS_BLEND ? (gather_index(materials->has, s->row) & PARTS_DELTA) != 0 : s->delta;
+    return f.has & (HAS_BLEND | HAS_ANY(SMOOTH_COATS)) ? (gather_index(materials->has, s->row) & PARTS_DELTA) != 0 : s->delta;
 }
 
 /* What a material that is no delta makes of light from one direction. */
@@ -63,7 +62,8 @@ typedef struct {
 INLINE Evaluation evaluate_part(
     const Materials *materials, const Part *part, Index kind, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    int one_kind = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS)), some_transmit = (f.has & FINITE_TRANSMITTING) != 0;
+    int some_transmit = (f.has & FINITE_TRANSMITTING) != 0;
+    int one_kind = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS)) && !some_transmit && !(f.has & HAS_ANY(COATS));
     Evaluation out = {light_all(real(0)), real(0), light_all(real(0))};
     (void)kind;
 #define X(NAME, name, words)                                                                                 \
@@ -146,14 +146,16 @@ INLINE Scatter scatter_select(Mask m, Scatter a, Scatter b, Features f)
         select(m, a.pdf_w, b.pdf_w), index_select(m, a.delta, b.delta), compression};
 }
 
-/* One direction by the material; `which` chooses the part of a mixed one. */
+/* One direction by the material; which[0] chooses the part of a mixed one, and which[1] what u cannot: u[2] of
+   materials that are finite and transmit. */
 STAGE Scatter sample_material(
-    const Materials *materials, const Surface *s, Real which, const Real u[2], Features f)
+    const Materials *materials, const Surface *s, const Real which[2], const Real direction[2], Features f)
 {
+    const Real u[3] = {direction[0], direction[1], which[1]};
     Part part = {s->row, s->reflectance, s->share};
     Index kind = s->kind;
     if (f.has & HAS_BLEND) {
-        part = part_of_row(materials, s, choose_part(materials, s, which), f);
+        part = part_of_row(materials, s, choose_part(materials, s, which[0]), f);
         kind = kind_of_row(materials, part.row, f);
     }
     if (one_material(f)) {
@@ -177,8 +179,17 @@ STAGE Scatter sample_material(
     if (f.has & HAS_PARTS) {
         Real cosine = vec_dot(s->n, out.wi);
         Evaluation all = evaluate_material(materials, s, out.wi, cosine, f);
-        if (!(f.has & FINITE_TRANSMITTING)) /* else each part has answered for itself */
-            all.factor = light_only(cosine > real(0), all.factor);
+        Mask kept = cosine > real(0);
+        if (f.has & FINITE_TRANSMITTING) { /* what the part that was taken sends elsewhere is lost, whatever others do */
+            kept &= out.pdf_w > real(0);
+#define X(NAME, name, words)                                                                                 \
+    if ((f.has & HAS_##NAME) && name##_transmits)                                                            \
+        kept |= (kind == index_of(MATERIAL_##NAME)) & (out.pdf_w > real(0));
+            FINITE_MATERIALS(X)
+#undef X
+            out.compression = select(out.delta, out.compression, real(1)); /* the factor has it */
+        }
+        all.factor = light_only(kept, all.factor);
         out.factor = light_select(out.delta, out.factor, all.factor);
         out.pdf_w = select(out.delta, out.pdf_w, all.pdf_w);
     }

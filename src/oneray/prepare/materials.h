@@ -57,7 +57,7 @@ static Int abilities_of(const Description *d, Share part)
     FINITE_MATERIALS(X)
 #undef X
 #define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) ? PARTS_DELTA : 0;
-    DELTA_MATERIALS(X)
+    DELTA_MATERIALS(X) SMOOTH_COATS(X)
 #undef X
     return has;
 }

@@ -821,6 +821,15 @@ static void check_lengths(const Description *d)
     }
 }
 
+/* Of a light straight behind a pane Mitsuba shows no more then than the pane mirrors, except at some depths. */
+static void check_hidden(const Description *d)
+{
+    for (int i = 0; d->hide_emitters && i < d->material_count; i++)
+        if (material_traits(&d->materials[i]).unbent)
+            die_at(d->materials[i].file, d->materials[i].line,
+                "a bsdf that light goes straight through is not supported with \"hide_emitters\" true: write dielectric, or false");
+}
+
 Description *description_read(const char *file, const Parameter *given, int count, const char *sensor,
     const uint64_t size[2])
 {
@@ -834,6 +843,7 @@ Description *description_read(const char *file, const Parameter *given, int coun
     scene->included_count = 0; /* the description has them now */
     read_scene(&builder, scene->root);
     check_lengths(d);
+    check_hidden(d);
     scene_file_close(scene);
     d->mesh_tree = mesh_tree_build(&d->mesh);
     d->hinted = scene_hints(d, file);

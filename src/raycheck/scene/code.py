@@ -12,7 +12,9 @@ from raycheck.scene.materials import TEXTURED, all_fields
 Row = Mapping[str, Any]
 
 VECTOR, NUMBER, INTEGER, FLAG, THREE, NAME = "vector", "number", "integer", "flag", "three", "name"
-_SAID = {"colour": VECTOR, "three": THREE, "number": NUMBER, **dict.fromkeys(TEXTURED, VECTOR)}
+_SAID = {
+    "colour": VECTOR, "three": THREE, "number": NUMBER, "boolean": FLAG, **dict.fromkeys(TEXTURED, VECTOR)
+}  # fmt: skip
 
 
 def _kind(said: Row) -> str:

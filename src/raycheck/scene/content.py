@@ -9,7 +9,7 @@ from raycheck.scene import document
 
 DELTA_LIGHTS = frozenset({"point", "spot", "directional"})
 """Emitters that no random ray can hit."""
-SPECULAR = frozenset({"conductor", "dielectric", "null", "mask"})
+SPECULAR = frozenset({"conductor", "dielectric", "thindielectric", "plastic", "null", "mask"})
 FLAT = frozenset({"rectangle", "cube"})
 """Shapes whose sides oneray can sample by solid angle."""
 MANY_FACES = frozenset({"cube", "ply", "obj"})

@@ -19,6 +19,7 @@ from raycheck.scene.document import Element
 from raycheck.scene.pictures import read_picture
 from raycheck.scene.plugins import Said, described, fail
 
+TRANSMITTING = ("dielectric", "thindielectric", "roughdielectric", "null")
 METALS = Path(__file__).with_name("metals.json")
 Row = dict[str, Any]
 
@@ -41,11 +42,12 @@ class Texture:
 class Material:
     """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
 
-    `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric is
-    its inner index over the outer one, and `transmittance` (3,) what of the refracted light goes on. `alpha`
-    is the roughness of a rough conductor along dp/du and across. A blend has two `parts` and the `weight` of
-    the second. A `two_sided` one looks the same from behind, where others are black. A colour that is one of
-    the `textures`, by name, is NaN.
+    `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric or a
+    coat is its inner index over the outer one, and `transmittance` (3,) what of the refracted light goes on.
+    `specular` (3,) is what of the light that a coat mirrors goes on; light between the coat and what is under
+    it loses colour at every turn if it is `nonlinear`. `alpha` is the roughness along dp/du and across. A
+    blend has two `parts` and the `weight` of the second. A `two_sided` one looks the same from behind, where
+    others are black. A colour that is one of the `textures`, by name, is NaN.
     """
 
     kind: str
@@ -57,6 +59,8 @@ class Material:
     two_sided: bool = False
     alpha: tuple[float, float] = (0.0, 0.0)
     transmittance: Array = field(default_factory=lambda: np.ones(3))
+    specular: Array = field(default_factory=lambda: np.ones(3))
+    nonlinear: bool = False
     textures: Mapping[str, Texture] = field(default_factory=dict)
 
     @property
@@ -67,7 +71,7 @@ class Material:
     @property
     def has_back(self) -> bool:
         """It, or a part of it, is seen from behind."""
-        own = self.two_sided or self.kind in ("dielectric", "null")
+        own = self.two_sided or self.kind in TRANSMITTING
         return own or any(part.has_back for part in self.parts)
 
     @property
@@ -96,6 +100,10 @@ class Source:
         }
         return {**colours, "textures": textures}
 
+    def ratio(self) -> Array:
+        """(3,) the index inside over that outside."""
+        return np.full(3, self.said.number("int_ior") / self.said.number("ext_ior"))
+
     def metal(self) -> tuple[Array, Array]:
         """η and k (3,) of a conductor, by name or as they stand."""
         said = self.said
@@ -121,9 +129,18 @@ def _metals() -> dict[str, dict[str, list[float]]]:
 
 # What the schema says of fields.
 COLOUR, THREE, NUMBER = {"$ref": "#/$defs/colour"}, {"$ref": "#/$defs/three"}, {"type": "number"}
-TEXTURED: dict[str, Row] = {name: {"$ref": f"#/$defs/{name}"} for name in ("reflectance", "transmittance")}
+TEXTURED: dict[str, Row] = {
+    name: {"$ref": f"#/$defs/{name}"} for name in ("reflectance", "transmittance", "specular")
+}
 """Colours for which a texture may stand."""
 REFLECTANCE = {"reflectance": TEXTURED["reflectance"]}
+INDEX = {**NUMBER, "description": "Index inside over index outside"}
+GLASS: dict[str, Row] = {**REFLECTANCE, "transmittance": TEXTURED["transmittance"], "eta": INDEX}
+PLASTIC: dict[str, Row] = {
+    **REFLECTANCE, "specular": TEXTURED["specular"], "eta": INDEX,
+    "internal": {**NUMBER, "description": "Of diffuse light under the coat, what that sends back"},
+    "nonlinear": {"type": "boolean", "description": "Light loses colour at every turn under the coat"},
+}  # fmt: skip
 METAL: dict[str, Row] = {**REFLECTANCE, "eta": COLOUR, "k": COLOUR}
 
 
@@ -136,6 +153,8 @@ PIXELS: Row = {
     "type": "array", "items": {"type": "array", "items": COLOUR},
     "description": "Rows from the top, where v is 0; the first pixel's middle is half a pixel from its edges",
 }  # fmt: skip
+ISOTROPIC = {"alpha": _roughness("")}
+ANISOTROPIC = {"alpha_u": _roughness(" where u grows"), "alpha_v": _roughness(" across that")}
 WEIGHT = {**NUMBER, "minimum": 0, "maximum": 1}
 PARTS = {"type": "array", "items": {"$ref": "#/$defs/material"}, "minItems": 2, "maxItems": 2}
 
@@ -232,8 +251,9 @@ def _told_conductor(one: Material) -> Row:
     return {"type": "conductor", **_told_metal(one)}
 
 
-def _roughconductor(of: Source) -> Material:
-    said, write = of.said, f"{described(of.said.element)}: write"
+def _alphas(said: Said) -> tuple[float, float]:
+    """Roughness along dp/du and across."""
+    write = f"{described(said.element)}: write"
     if said.given("distribution") is None:  # Mitsuba's default is beckmann
         fail(said.element, f'{write} <string name="distribution" value="ggx"/>')
     along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
@@ -241,7 +261,11 @@ def _roughconductor(of: Source) -> Material:
         fail(said.element, f"{write} alpha, or both alpha_u and alpha_v")
     names = ("alpha_u", "alpha_v") if along else ("alpha", "alpha")
     u, v = (max(said.number(name), 1e-4) for name in names)
-    return replace(_conductor(of), kind="roughconductor", alpha=(u, v))
+    return u, v
+
+
+def _roughconductor(of: Source) -> Material:
+    return replace(_conductor(of), kind="roughconductor", alpha=_alphas(of.said))
 
 
 def _told_roughconductor(one: Material) -> Row:
@@ -257,14 +281,54 @@ def _dielectric(of: Source) -> Material:
     if said.given("int_ior") is None or said.given("ext_ior") is None:
         which = described(said.element)
         fail(said.element, f"{which} needs both int_ior and ext_ior (as <float>, or by name)")
-    ratio = np.full(3, said.number("int_ior") / said.number("ext_ior"))
+    return _glass(of)
+
+
+def _glass(of: Source) -> Material:
     colours = of.colours(reflectance="specular_reflectance", transmittance="specular_transmittance")
-    return Material("dielectric", **colours, eta=ratio)
+    return Material(of.said.type, **colours, eta=of.ratio())
 
 
-def _told_dielectric(one: Material) -> Row:
+def _told_glass(one: Material) -> Row:
     colours = {**_told_colour(one, "reflectance"), **_told_colour(one, "transmittance")}
-    return {"type": "dielectric", **colours, "eta": float(one.eta[0])}
+    return {**colours, "eta": float(one.eta[0])}
+
+
+def diffuse_fresnel(eta: float) -> float:
+    """Reflectance of a coat for diffuse light from inside, eta its index over that outside: Mitsuba's fits,
+    of Egan and Hilgeman (1973), and where eta is below 1 of d'Eon and Irving (2011).
+    """
+    if eta > 1:
+        return 0.0636 * eta + 0.6681 + (0.7099 - 1.4399 / eta) / eta
+    return float(np.polyval([-1.36881, 4.98554, -7.80989, 6.75335, -3.4793, 0.919317], eta))
+
+
+def _roughdielectric(of: Source) -> Material:
+    one = replace(_glass(of), alpha=_alphas(of.said))
+    if one.eta[0] == 1:
+        fail(of.said.element, f"{described(of.said.element)}: int_ior and ext_ior must differ")
+    return one
+
+
+def _told_roughdielectric(one: Material) -> Row:
+    u, v = one.alpha
+    if u == v:
+        return {"type": "rough dielectric", **_told_glass(one), "alpha": u}
+    return {"type": "anisotropic dielectric", **_told_glass(one), "alpha_u": u, "alpha_v": v}
+
+
+def _plastic(of: Source) -> Material:
+    colours, eta = of.colours(reflectance="diffuse_reflectance", specular="specular_reflectance"), of.ratio()
+    if diffuse_fresnel(eta[0]) >= 1:
+        which = described(of.said.element)
+        fail(of.said.element, f"{which}: from int_ior 3.85 times ext_ior on its coat would make light")
+    return Material(of.said.type, **colours, eta=eta, nonlinear=of.said.flag("nonlinear"))
+
+
+def _told_plastic(one: Material) -> Row:
+    colours = {**_told_colour(one, "reflectance"), **_told_colour(one, "specular")}
+    eta = float(one.eta[0])
+    return {**colours, "eta": eta, "internal": diffuse_fresnel(eta), "nonlinear": one.nonlinear}
 
 
 def _blend(of: Source) -> Material:
@@ -305,16 +369,20 @@ MATERIALS: dict[str, Kind] = {
     "conductor": Kind(_conductor, _told_conductor, {"mirror": REFLECTANCE, "conductor": METAL}),
     "roughconductor": Kind(
         _roughconductor, _told_roughconductor,
-        {
-            "rough conductor": {**METAL, "alpha": _roughness("")},
-            "anisotropic conductor": {
-                **METAL, "alpha_u": _roughness(" where u grows"), "alpha_v": _roughness(" across that"),
-            },
-        },
+        {"rough conductor": {**METAL, **ISOTROPIC}, "anisotropic conductor": {**METAL, **ANISOTROPIC}},
     ),
     "dielectric": Kind(
-        _dielectric, _told_dielectric,
-        {"dielectric": {**TEXTURED, "eta": {**NUMBER, "description": "Index inside over index outside"}}},
+        _dielectric, lambda one: {"type": "dielectric", **_told_glass(one)}, {"dielectric": GLASS}
+    ),
+    "thindielectric": Kind(
+        _glass, lambda one: {"type": "thin dielectric", **_told_glass(one)}, {"thin dielectric": GLASS}
+    ),
+    "roughdielectric": Kind(
+        _roughdielectric, _told_roughdielectric,
+        {"rough dielectric": {**GLASS, **ISOTROPIC}, "anisotropic dielectric": {**GLASS, **ANISOTROPIC}},
+    ),
+    "plastic": Kind(
+        _plastic, lambda one: {"type": "plastic", **_told_plastic(one)}, {"plastic": PLASTIC}
     ),
     "blendbsdf": Kind(
         _blend, _told_blend, {"blend": {"weight_of_second": WEIGHT, "parts": PARTS}}, ("bsdf", "ref")
@@ -354,7 +422,7 @@ def told(one: Material) -> Row:
 
 
 def _told_colour(one: Material, name: str) -> Row:
-    """It, or the texture instead: `texture` and its fields, after `transmittance_` for that."""
+    """It, or the texture instead: `texture` and its fields, after the name of a colour but the first."""
     texture = one.textures.get(name)
     if texture is None:
         return {name: getattr(one, name).tolist()}

@@ -20,6 +20,7 @@ from raycheck.truth.closed_forms.lamps import flat_and_round_lights, point_light
 from raycheck.truth.closed_forms.mirrors import metal, mirror_corridor, mirror_light
 from raycheck.truth.closed_forms.outdoors import open_sky, sun_and_spot
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance, pixel_means
+from raycheck.truth.closed_forms.plastic import plastic
 from raycheck.truth.closed_forms.rough import rough_metal
 from raycheck.truth.closed_forms.solids import edges, in_view, kinks, with_faces
 
@@ -53,8 +54,8 @@ FORMS: dict[str, Callable[[Scene], Radiance | None]] = {
     "open-sky": open_sky, **dict.fromkeys(("inside-light", "furnace", "integrating-sphere"), furnace),
     "mirror-light": mirror_light, "mirror-corridor": mirror_corridor, "metal": metal,
     "glass-pane": glass_pane, "mixed-material": mixed_material, "rough-metal": rough_metal,
-    "brushed-metal": rough_metal,
+    "brushed-metal": rough_metal, "plastic": plastic,
 }  # fmt: skip
 
-BORDERS = {"mirror-corridor": 64, "glass-pane": 64, "metal": 64, "sun-and-spot": 64}
+BORDERS = {"mirror-corridor": 64, "glass-pane": 64, "metal": 64, "sun-and-spot": 64, "plastic": 64}
 """Scenes with edges that only looking finds: steps along a pixel's side."""

@@ -1,0 +1,126 @@
+/* P1 Microfacets: mirrors too small to be seen, turned this way and that, on a surface with the roughness alpha.
+   Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007, with their GGX distribution. */
+#pragma once
+
+#include "fields.h"
+#include "traits.h"
+
+#include <math.h>
+
+typedef struct {
+    double alpha;            /* roughness: half of the mirrors are steeper than this slope */
+    double alpha_u, alpha_v; /* once it is checked, the same along the surface's dp/du, and across that */
+} Microfacets;
+
+/* Of all plugins whose struct begins with Microfacets. */
+#define MICROFACET_FIELDS                                                                                    \
+    {"distribution", AS_WORD, NOWHERE, "ggx", "ggx"},                                                        \
+    {"alpha", AS_FLOAT, offsetof(Microfacets, alpha), "[0,1000]", "0.1"},                                    \
+    {"alpha_u", AS_FLOAT, offsetof(Microfacets, alpha_u), "[0,1000]", ""},                                   \
+    {"alpha_v", AS_FLOAT, offsetof(Microfacets, alpha_v), "[0,1000]", ""},                                   \
+    {"sample_visible", AS_BOOLEAN, NOWHERE, NULL, "true"} /* how it is sampled, not what it is */
+
+static inline void microfacets_check(Microfacets *m, Said *said)
+{
+    const Place *u = given(said, "alpha_u"), *v = given(said, "alpha_v");
+    if (!given(said, "distribution")) /* Mitsuba's default is beckmann */
+        fail(said, "<bsdf type=\"%s\">: write <string name=\"distribution\" value=\"ggx\"/>", said->type);
+    if (!u != !v || (u && given(said, "alpha")))
+        fail(said, "<bsdf type=\"%s\">: write alpha, or both alpha_u and alpha_v", said->type);
+    m->alpha_u = fmax(u ? m->alpha_u : m->alpha, 1e-4); /* as Mitsuba */
+    m->alpha_v = fmax(u ? m->alpha_v : m->alpha, 1e-4);
+}
+
+static inline bool is_anisotropic(const Microfacets *m) { return m->alpha_u != m->alpha_v; }
+
+static inline const char *microfacets_odd(const Microfacets *m)
+{
+    return fmin(m->alpha_u, m->alpha_v) < 0.01 ? "a roughness below 0.01" : NULL;
+}
+
+#ifdef LANES
+
+#include "materials/material.h"
+
+typedef struct {
+    Num u, v;
+} RoughnessRow;
+static inline void store_roughness(RoughnessRow *row, const Microfacets *m)
+{
+    row->u = (Num)m->alpha_u;
+    row->v = (Num)m->alpha_v;
+}
+
+/* The roughness of a part; where some are anisotropic, along two unit vectors of the surface. */
+typedef struct {
+    Real u, v;
+    Vec along_u, along_v;
+} Roughness;
+
+/* The tangents are dp/du less what lies along the shading normal, and across that, as Mitsuba's; any where it is 0. */
+INLINE Roughness roughness_of(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
+{
+    const Num *numbers = materials->numbers + place;
+    Roughness a;
+    a.u = gather(numbers + ROW_AT(Roughness, u), row << materials->shift);
+    if (!(f.has & HAS_ANISOTROPIC))
+        return a;
+    a.v = gather(numbers + ROW_AT(Roughness, v), row << materials->shift);
+    vec_frame(s->n, &a.along_u, &a.along_v);
+    Vec tangent = vec_sub(s->dp_du, vec_scale(s->n, vec_dot(s->n, s->dp_du)));
+    a.along_u = vec_select(vec_dot(tangent, tangent) > real(0), vec_normalize(tangent), a.along_u);
+    a.along_v = vec_cross(s->n, a.along_u);
+    return a;
+}
+
+/* How long a unit vector w, which has the cosine c with the normal, is once all that is across that is shrunk by α:
+   α² sin²θ = α_u² x² + α_v² y². And, Smith's, 2 cosθ/G1(θ) = cosθ + √(cos²θ + α² sin²θ). */
+INLINE Real ggx_stretch(const Roughness *a, Vec w, Real c, Features f)
+{
+    Real across = a->u * a->u * ((real(1) - c) * (real(1) + c));
+    if (f.has & HAS_ANISOTROPIC) {
+        Real x = a->u * vec_dot(w, a->along_u), y = a->v * vec_dot(w, a->along_v);
+        across = x * x + y * y;
+    }
+    return real_sqrt(c * c + across);
+}
+
+/* D, sr⁻¹: area of the mirrors whose normal is h, by projected area and solid angle, of a vector h either way up, the
+   square hh of its length, and its part along n. D = 1/(π α_u α_v (x²/α_u² + y²/α_v² + z²)²) of h/|h| = (x, y, z), by
+   h's parts along the normal and across, which keep their digits: (α_u α_v)³ |h|⁴/(π size²), where size is α_u² α_v²
+   times those parts shrunk by 1/α. */
+INLINE Real ggx_density(const Roughness *a, Vec n, Vec h, Real hh, Real along, Features f)
+{
+    Vec across = vec_sub(h, vec_scale(n, along));
+    if (f.has & HAS_ANISOTROPIC) {
+        Real x = a->v * vec_dot(across, a->along_u), y = a->u * vec_dot(across, a->along_v), both = a->u * a->v;
+        Real size = x * x + y * y + both * both * (along * along);
+        Real q = both * only(size > real(0), hh / size);
+        return q * q * both * REAL_INV_PI;
+    }
+    Real size = vec_dot(across, across) + a->u * a->u * (along * along);
+    Real q = a->u * only(size > real(0), hh / size);
+    return q * q * REAL_INV_PI;
+}
+
+/* A mirror as wo sees them: of a hemisphere, stretched from the mirrors by 1/α along the normal's plane. Uniform on
+   the cap of the sphere around it and the viewer's direction: Dupuy & Benyoub, Sampling Visible GGX Normals with
+   Spherical Caps, HPG 2023. Some reflect to below the surface; what they send is lost. */
+INLINE Vec sample_visible_mirror(const Surface *s, const Roughness *a, const Real u[2], Features f)
+{
+    Real stretch = ggx_stretch(a, s->wo, s->cos_o, f), z_o = s->cos_o / stretch;
+    Real up = (real(1) - u[0]) * (real(1) + z_o);
+    Real z = up - z_o, sine, cosine, ring = real_sqrt(real_max((real(1) - z) * (real(1) + z), real(0)));
+    sincos_turn(u[1], &sine, &cosine);
+    if (f.has & HAS_ANISOTROPIC) {
+        Real x = ring * cosine + a->u / stretch * vec_dot(s->wo, a->along_u);
+        Real y = ring * sine + a->v / stretch * vec_dot(s->wo, a->along_v);
+        Vec across = vec_add(vec_scale(a->along_u, a->u * x), vec_scale(a->along_v, a->v * y));
+        return vec_add(across, vec_scale(s->n, up));
+    }
+    Vec cap = vec_from_frame(s->n, vec(ring * cosine, ring * sine, real(0)));
+    Vec o_across = vec_scale(vec_sub(s->wo, vec_scale(s->n, s->cos_o)), a->u / stretch);
+    return vec_add(vec_scale(vec_add(cap, o_across), a->u), vec_scale(s->n, up));
+}
+
+#endif
