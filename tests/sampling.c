@@ -384,14 +384,16 @@ OVER_COLUMNS(emit)
    wi, distance, to_near, x, y, weight). */
 OVER_COLUMNS(film_ray)
 {
-    Ray ray = camera_ray(&scene->camera, get(b, 0), get(b, 1), scene->features);
+    const Real lens[2] = {real(0.5), real(0.5)};
+    Ray ray = camera_ray(&scene->camera, get(b, 0), get(b, 1), lens, scene->features);
     put_vec(b, 0, ray.o);
     put_vec(b, 3, ray.d);
     put(b, 6, ray.tmax);
 }
 OVER_COLUMNS(eye)
 {
-    Eye e = eye_from(&scene->camera, get_vec(b, 0), scene->features);
+    const Real lens[2] = {real(0.5), real(0.5)};
+    Eye e = eye_from(&scene->camera, get_vec(b, 0), lens, scene->features);
     put_mask(b, 0, e.seen);
     put_vec(b, 1, e.wi);
     put(b, 4, e.distance);

@@ -14,6 +14,7 @@ LAYERS = (
     {"message", "text", "version", "vectors", "kinds", "technique"},
     {"fields", "traits"},
     {"lanes"},
+    {"images"},
     {"textures"},
     {"meshes"},
     {"trees"},

@@ -85,12 +85,13 @@ def ladder() -> list[Variant]:
 
 
 LADDER = (
-    "point-light", "area-light", "checkerboard", "touching-light", "many-lights", "occluded-lights",
-    "hidden-light", "sun-and-spot", "spherical-light", "sphere-light-near", "sphere-light-far",
-    "light-below-horizon", "mesh-light", "shaded-lamp", "thousand-lights", "open-sky", "mixed-material",
-    "mirror-light", "leaving-paths", "furnace", "integrating-sphere", "inside-light", "cornell-box",
-    "mesh-room", "smooth-mesh", "lecture", "mirror-corridor", "metal", "rough-metal", "brushed-metal",
-    "textured-room", "glass-pane", "lamp-behind-glass", "glass-ball", "caustic",
+    "point-light", "area-light", "checkerboard", "touching-light", "crop", "many-lights",
+    "occluded-lights", "hidden-light", "sun-and-spot", "spherical-light", "sphere-light-near",
+    "sphere-light-far", "light-below-horizon", "mesh-light", "filter", "lens", "shaded-lamp",
+    "thousand-lights", "open-sky", "mixed-material", "mirror-light", "leaving-paths", "furnace",
+    "integrating-sphere", "inside-light", "cornell-box", "cylinder", "mesh-room", "smooth-mesh",
+    "lecture", "mirror-corridor", "metal", "rough-metal", "brushed-metal", "plastic", "rough-glass",
+    "textured-room", "environment", "glass-pane", "lamp-behind-glass", "glass-ball", "caustic",
 )  # fmt: skip
 """The order of the canonical scenes: each adds one thing to those before it."""
 
