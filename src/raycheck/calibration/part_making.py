@@ -4,7 +4,7 @@ oneray renders the scene once for each light, with the other emitters taken away
 be chosen, or not be), and each of a few path lengths, from the same seeds, so that the difference of two
 lengths is what the longer paths add. Which surface a pixel shows is the emission, at path length 1, of a copy
 of the scene in which that surface alone shines, to both sides. All at `FINER` times the scene's resolution,
-so that few pixels show two surfaces.
+so that few pixels show two surfaces; a scene with a filter of its own at its own, where that is what it is.
 """
 
 import copy
@@ -159,20 +159,27 @@ def showing(root: Element, surface: Surface, flipped: bool) -> Element:
     return found
 
 
+def finer(of: Variant) -> int:
+    """How many times the scene's resolution."""
+    return 1 if read_content(of.path).filtered else FINER
+
+
 class _Maker:
     """Renders copies of a scene with oneray, at the finer resolution."""
 
     def __init__(self, of: Variant, folder: Path) -> None:
         entry = references.require(of)
         self.of, self.folder = of, folder
-        self.shape = entry["height"] * FINER, entry["width"] * FINER
+        self.finer = finer(of)
+        self.shape = entry["height"] * self.finer, entry["width"] * self.finer
         size = ("--height", str(self.shape[0]), "--width", str(self.shape[1]))
         self.command = oneray_command(oneray_path(), size)
 
     def render(self, root: Element, spp: int, seed: int) -> Array:
+        """`spp` of the finer resolution."""
         path = self.folder / "scene.xml"
         document.write(root, path)
-        return self.command.render(path, spp, seed, TIMEOUT).image.pixels
+        return self.command.render(path, spp * (FINER // self.finer) ** 2, seed, TIMEOUT).image.pixels
 
     def mask(self, root: Element, surface: Surface) -> Array:
         """(H, W) share of each pixel that shows the surface."""
@@ -192,7 +199,7 @@ def make(of: Variant) -> Parts:
         maker = _Maker(of, Path(scratch))
         masks = [maker.mask(root, surface) for surface in content]
         rest = np.clip(1 - sum(masks), 0, 1)
-        tiles = grid(*maker.shape, SMALLEST * FINER)
+        tiles = grid(*maker.shape, SMALLEST * maker.finer)
         seeds = make_seeds(f"parts/{of.label}", SEEDS)
         parts = np.zeros((SEEDS, len(lights), len(lengths), len(masks) + 1, len(tiles), 3))
         for light in range(len(lights)):
