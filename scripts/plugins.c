@@ -14,7 +14,8 @@ static const char *const kind_names[] = {[AS_FLOAT] = "float",
     [AS_STRING] = "string",
     [AS_WORD] = "word",
     [AS_TRANSFORM] = "transform",
-    [AS_FILE] = "file"};
+    [AS_FILE] = "file",
+    [AS_ANYTHING] = "anything"};
 typedef char every_kind_has_a_name[COUNT(kind_names) == COUNT(kinds) ? 1 : -1];
 
 static void print_text(const char *name, const char *text)
@@ -58,6 +59,8 @@ int main(void)
         print_plugin("bsdf", bsdfs[i]);
     for (int i = 0; i < COUNT(textures); i++)
         print_plugin("texture", textures[i]);
+    for (int i = 0; i < COUNT(spectra); i++)
+        print_plugin("spectrum", &spectra[i]);
     for (int i = 0; i < COUNT(shapes); i++)
         print_plugin("shape", shapes[i]);
     for (int i = 0; i < COUNT(emitters); i++)

@@ -168,6 +168,53 @@ def test_integrators_of_the_same_mean(oneray: Path, tmp_path: Path, instead: str
     assert len(same(oneray, tmp_path, PLAIN.replace(INTEGRATOR, instead), plain=direct)) == warnings
 
 
+OTHERS = {
+    "bdpt": ('<boolean name="lightImage" value="true"/>', "has the same mean"),
+    "mlt": ('<integer name="directSamples" value="16"/>', "has the same mean"),
+    "pssmlt": ('<float name="pLarge" value="0.3"/>', "has the same mean"),
+    "erpt": ('<float name="numChains" value="1"/>', "has the same mean"),
+    "photonmap": ('<integer name="globalPhotons" value="250000"/>', "whose mean its pictures approach"),
+    "sppm": ('<string name="lookup" value="kd"/>', "whose mean its pictures approach"),
+    "prb_projective": ("", "has the same mean"),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_integrators_of_the_same_integral_are_path(oneray: Path, tmp_path: Path, kind: str) -> None:
+    """What only they have is left out, each with a line; so is what is not known of path itself."""
+    own, reason = OTHERS[kind]
+    text = OLD.replace("3.0.0", "0.6.0").replace('"path">', f'"{kind}">{own}')
+    *left, line = same(oneray, tmp_path, text)
+    assert line.startswith(f'2: <integrator type="{kind}"> is rendered as path') and line.endswith(reason)
+    assert [one.endswith("is left out: it changes no mean of a pixel") for one in left] == [True] * bool(own)
+    path = write(tmp_path, OLD.replace("3.0.0", "0.6.0").replace('"path">', f'"path">{own or "<string/>"}'))
+    assert subprocess.run([oneray, path, "--check"], capture_output=True, check=False).returncode == 2
+
+
+def test_direct_by_another_name(oneray: Path, tmp_path: Path) -> None:
+    projective = '<integrator type="direct_projective"><integer name="sppi" value="0"/></integrator>'
+    direct = PLAIN.replace(INTEGRATOR, DIRECT)
+    left, line = same(oneray, tmp_path, PLAIN.replace(INTEGRATOR, projective), plain=direct)
+    assert left == '2: "sppi" = "0" is left out: it changes no mean of a pixel'
+    assert line == '2: <integrator type="direct_projective"> is rendered as direct, which has the same mean'
+
+
+def test_strict_normals_matter_where_normals_are_interpolated(oneray: Path, tmp_path: Path) -> None:
+    strict = PLAIN.replace('"path">', '"path"><boolean name="strict_normals" value="true"/>')
+    assert same(oneray, tmp_path, strict.replace("true", "false")) == []
+    assert same(oneray, tmp_path, strict) == [
+        '2: "strict_normals" is left out: no shape has interpolated normals'
+    ]
+    corners = "".join(f"v {p} 0\nvn 0 {n} 1\n" for p, n in (("0 0", 0), ("1 0", 0), ("0 1", 1)))
+    write(tmp_path, corners + "f 1//1 2//2 3//3\n", "bent.obj")
+    for more, status in (("", 2), ('<boolean name="face_normals" value="true"/>', 0)):
+        mesh = f'<shape type="obj"><string name="filename" value="bent.obj"/>{more}</shape></scene>'
+        path = write(tmp_path, strict.replace("</scene>", mesh))
+        done = subprocess.run([oneray, path, "--check"], capture_output=True, text=True, check=False)
+        assert done.returncode == status
+        assert ("not supported with interpolated normals" in done.stderr) == (status == 2)
+
+
 def test_without_an_integrator_it_is_path(oneray: Path, tmp_path: Path) -> None:
     endless = PLAIN.replace(INTEGRATOR, '<integrator type="path"/>')
     [line] = same(oneray, tmp_path, PLAIN.replace(INTEGRATOR, ""), plain=endless)
@@ -220,6 +267,127 @@ def test_a_sensor_by_reference(oneray: Path, tmp_path: Path) -> None:
         len(same(oneray, tmp_path, PLAIN.replace("</scene>", '<ref id="front"/><ref id="paint"/></scene>')))
         == 1
     )
+
+
+LAMP = '<emitter type="area" id="lamp"><rgb name="radiance" value="3"/></emitter>'
+DISK = '<shape type="disk"><transform name="to_world"><translate x="2"/></transform>{}</shape>'
+
+
+def test_parts_by_reference(oneray: Path, tmp_path: Path) -> None:
+    """A film, its filter, a sampler and the light of a shape may stand in the scene, also behind an alias."""
+    lit = scene(INTEGRATOR, SENSOR, BSDF, BODY, DISK.format(LAMP))
+    film = FILM.replace("<film ", '<film id="f" ').replace('<rfilter type="box"/>', '<ref id="r"/>')
+    sampler = '<sampler type="independent" id="s"><integer name="sample_count" value="4"/></sampler>'
+    assert sampler.replace(' id="s"', "") in SENSOR
+    sensor = SENSOR.replace(FILM, '<ref id="f"/>').replace(sampler.replace(' id="s"', ""), '<ref id="s"/>')
+    parts = [film, sampler, '<rfilter type="box" id="r"/>', LAMP, '<alias id="lamp" as="light"/>']
+    text = scene(INTEGRATOR, *parts, sensor, BSDF, BODY, DISK.format('<ref id="light"/>'))
+    assert same(oneray, tmp_path, text, plain=lit) == []
+    assert same(oneray, tmp_path, scene(INTEGRATOR, SENSOR, BSDF, BODY, LAMP)) == []  # of no shape
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    mi.load_string(text)
+
+
+def test_a_film_that_nothing_can_refer_to(oneray: Path, tmp_path: Path) -> None:
+    [line] = same(oneray, tmp_path, PLAIN.replace("</scene>", FILM + "</scene>"))
+    assert line == "13: <film> in <scene> is left out: give it an id, and a <ref> where it shall be"
+
+
+def test_the_first_of_two_defaults_holds(oneray: Path, tmp_path: Path) -> None:
+    twice = '<default name="red" value="0.5"/><default name="red" value="0.7"/>'
+    text = scene(twice, INTEGRATOR, SENSOR, BSDF.replace("0.5 ", "$red "), BODY)
+    [line] = same(oneray, tmp_path, text)
+    assert line == '2: the default "red" is given twice: the first holds, as in Mitsuba'
+    assert same(oneray, tmp_path, text.replace('red" value="0.5"', 'red" value="0.1"'), "-Dred=0.5") == [line]
+
+
+def test_a_default_may_stand_in_what_has_a_type(oneray: Path, tmp_path: Path) -> None:
+    """It holds from there on, as in Mitsuba."""
+    blue = '<bsdf type="diffuse" id="paint"><default name="blue" value="0.75"/>'
+    text = PLAIN.replace('<bsdf type="diffuse" id="paint">', blue).replace(
+        '0.75"/></bsdf>', '$blue"/></bsdf>'
+    )
+    assert text.count("$blue") == 1 and same(oneray, tmp_path, text) == []
+    later = scene(INTEGRATOR, SENSOR, BSDF, BODY.replace('value="9"', 'value="$nine"'))
+    text = later.replace("<film ", '<default name="nine" value="9"/><film ')
+    assert same(oneray, tmp_path, text) == []
+    assert same(oneray, tmp_path, text.replace('"nine" value="9"', '"nine" value="1"'), "-Dnine=9") == []
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    mi.load_string(text)
+
+
+CHECKS = '<bsdf type="diffuse" id="paint"><texture type="checkerboard" name="reflectance">{}</texture></bsdf>'
+TO_UV = {
+    '<float name="uoffset" value="0.3"/><float name="vscale" value="2"/>':
+        '<translate x="0.3"/><scale y="2"/>',
+    '<float name="uscale" value="4"/><float name="voffset" value="0.1"/><float name="vscale" value="3"/>':
+        '<translate y="0.1"/><scale x="4"/><scale y="3"/>',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("old", TO_UV)
+def test_offsets_and_scales_of_version_0_are_to_uv(oneray: Path, tmp_path: Path, old: str) -> None:
+    """Mitsuba 3.9.1 moves before it scales."""
+    texture = CHECKS.format(f'<transform name="to_uv">{TO_UV[old]}</transform>')
+    plain, text = PLAIN.replace(BSDF, texture), PLAIN.replace(BSDF, CHECKS.format(old))
+    assert same(oneray, tmp_path, text.replace("3.0.0", "0.6.0"), plain=plain) == []
+    path = write(tmp_path, text.replace("3.0.0", "2.0.0"))
+    done = subprocess.run([oneray, path, "--check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "has no property" in done.stderr
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    found = [
+        mi.traverse(mi.load_string(one))["paint.reflectance.to_uv"]
+        for one in (text.replace("3.0.0", "0.6.0"), plain)
+    ]
+    assert np.allclose(found[0].matrix, found[1].matrix)
+
+
+def test_a_default_of_such_a_name_stays_a_default(oneray: Path, tmp_path: Path) -> None:
+    old = scene('<default name="uscale" value="0.25"/>', INTEGRATOR, SENSOR, BSDF, BODY, version="0.6.0")
+    assert same(oneray, tmp_path, old.replace("0.25 0.75", "$uscale 0.75")) == []
+
+
+SKY = '<rgb name="radiance" value="0.5"/>'
+
+
+@pytest.mark.parametrize(
+    ("instead", "value", "warnings"),
+    [
+        ('<spectrum name="radiance" type="d65"><float name="scale" value="2"/></spectrum>', "2", 0),
+        ('<spectrum name="radiance" type="d65"/>', "1", 0),
+        ('<spectrum name="radiance" type="uniform"><float name="value" value="3"/></spectrum>', "3", 0),
+        ('<spectrum name="radiance" value="0.5, 0.25 0.125"/>', "0.5 0.25 0.125", 1),
+    ],
+)
+def test_spectra_that_are_colours(
+    oneray: Path, tmp_path: Path, instead: str, value: str, warnings: int
+) -> None:
+    plain = PLAIN.replace(SKY, SKY.replace("0.5", value))
+    assert len(same(oneray, tmp_path, PLAIN.replace(SKY, instead), plain=plain)) == warnings
+
+
+BODIES = {
+    3000: (733.6808, 349.94092, 112.810234), 5000: (15274.786, 12094.885, 9603.2),
+    9000: (120568.26, 132527.5, 179181.38),
+}  # fmt: skip
+"""Of a constant sky, by Mitsuba 3.9.1, scalar_spectral, 512,000 samples: standard errors below 1e-3."""
+
+
+@pytest.mark.parametrize("kelvin", BODIES)
+def test_black_bodies(oneray: Path, tmp_path: Path, kelvin: int) -> None:
+    inner = f'<float name="temperature" value="{kelvin}"/>'
+    body = f'<spectrum name="radiance" type="blackbody">{inner}</spectrum>'
+    sky = scene(INTEGRATOR, SENSOR, f'<emitter type="constant">{body}</emitter>')
+    pixels, warned = picture(oneray, write(tmp_path, sky))
+    assert warned == []
+    assert np.allclose(pixels[..., :3].mean(axis=(0, 1)), BODIES[kelvin], rtol=1.5e-3)
+    assert np.allclose(read_scene(tmp_path / "scene.xml").sky, BODIES[kelvin], rtol=1.5e-3)
+    old = f'<blackbody name="radiance" temperature="{kelvin}K" scale="1"/>'
+    [line] = same(oneray, tmp_path, sky.replace(body, old), plain=sky)
+    assert line == '9: <blackbody> is read as <spectrum type="blackbody">, which Mitsuba 3 wants'
 
 
 def test_included_files(oneray: Path, tmp_path: Path) -> None:

@@ -19,7 +19,8 @@ typedef enum {
     AS_STRING,    /* const char *, which the scene file has as long as it is being read */
     AS_WORD,      /* int: which word of the range */
     AS_TRANSFORM, /* Affine; without, the identity */
-    AS_FILE       /* File */
+    AS_FILE,      /* File */
+    AS_ANYTHING   /* nowhere: of the field "*", which is any other property */
 } FieldKind;
 
 typedef struct {

@@ -86,8 +86,8 @@ static void load_files(Description *d, void *to, const Said *said)
     }
 }
 
-/* What a <ref> means, which must be of this tag; what is none means itself. */
-static Node *meant_by(const Builder *builder, Node *node, const char *tag)
+/* What a <ref> means, which must be one of these elements, "<bsdf>, <emitter>"; what is none means itself. */
+static Node *meant_by(const Builder *builder, Node *node, const char *elements)
 {
     if (node->wrong)
         give_up();
@@ -99,9 +99,38 @@ static Node *meant_by(const Builder *builder, Node *node, const char *tag)
     Node *found = find_id(builder->file, id);
     if (!found)
         fail(node, "<ref id=\"%.80s\"/>: nothing has this id", id);
-    if (strcmp(found->tag, tag) != 0)
-        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and only a <%s> can be referred to", id, found->tag, tag);
+    if (!is_among(found, elements))
+        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and here only %s can be referred to", id, found->tag, elements);
     return found;
+}
+
+/* The first of these elements that is of this tag, or a <ref> to what is; NULL: there is none. */
+static Node *first_part(const Builder *builder, Node *elements, const char *tag)
+{
+    for (Node *one = elements; one; one = one->next) {
+        const Node *meant = strcmp(one->tag, "ref") ? one : one->wrong ? NULL : find_id(builder->file, attribute(one, "id"));
+        if (meant && strcmp(meant->tag, tag) == 0)
+            return one;
+    }
+    return NULL;
+}
+
+/* The only child of that kind. */
+static Node *only_part(const Builder *builder, const Node *node, const char *tag)
+{
+    Node *part = first_part(builder, node->first, tag);
+    const Node *second = part ? first_part(builder, part->next, tag) : NULL;
+    if (second)
+        fail(second, "a second <%s> in <%s>, the first is in line %d", tag, node->tag, part->line);
+    return part;
+}
+
+/* Do all its <ref>s mean such elements? */
+static void check_refs(const Builder *builder, Node *node, const char *elements)
+{
+    for (Node *child = node->first; child; child = child->next)
+        if (strcmp(child->tag, "ref") == 0)
+            meant_by(builder, child, elements);
 }
 
 static int read_texture(Builder *builder, Node *node);
@@ -115,7 +144,7 @@ static void load_textures(Builder *builder, void *to, const Said *said)
         Reflectance *reflectance = (Reflectance *)(void *)((char *)to + field->offset);
         if (!reflectance->element)
             continue;
-        reflectance->texture = read_texture(builder, meant_by(builder, reflectance->element, "texture"));
+        reflectance->texture = read_texture(builder, meant_by(builder, reflectance->element, "<texture>"));
         TextureTraits traits = texture_traits(&builder->description->textures[reflectance->texture - 1]);
         memcpy(reflectance->most, traits.most, sizeof traits.most);
         memcpy(reflectance->least, traits.least, sizeof traits.least);
@@ -262,7 +291,7 @@ static void read_material(Builder *builder, Node *node)
 /* This <bsdf>, or the one that a <ref> means, once its materials are read. */
 static const Node *read_bsdf(Builder *builder, Node *node)
 {
-    Node *bsdf = meant_by(builder, node, "bsdf");
+    Node *bsdf = meant_by(builder, node, "<bsdf>");
     if (bsdf->state == BEING_READ)
         fail(node, "the bsdf contains itself");
     read_once(builder, read_material, bsdf);
@@ -302,15 +331,14 @@ static const Plugin *const shapes[SHAPE_KINDS] = {FILE_SHAPES(SHAPE_PLUGIN)};
 static void read_sides(Builder *builder, Node *node)
 {
     Shape *shape = builder->shape;
-    Node *bsdf = only_child(node, "bsdf"), *ref = only_child(node, "ref");
-    if (bsdf && ref)
-        fail(ref, "a second bsdf in <shape>, the first is in line %d", bsdf->line);
+    Node *bsdf = only_part(builder, node, "bsdf");
     shape->front = shape->back = MATERIAL_NONE;
-    if (bsdf || ref) {
-        const Node *material = read_bsdf(builder, bsdf ? bsdf : ref);
+    check_refs(builder, node, "<bsdf>, <emitter>");
+    if (bsdf) {
+        const Node *material = read_bsdf(builder, bsdf);
         shape->front = material->front;
         shape->back = material->back;
-    } else if (!first_of(node->first, "emitter")) {
+    } else if (!first_part(builder, node->first, "emitter")) {
         if (builder->default_material == MATERIAL_NONE) {
             Material grey = {.kind = MATERIAL_DIFFUSE, .file = node->file, .line = node->line, .as.diffuse = {{{.5, .5, .5}, {.5, .5, .5}, 0, NULL}}};
             builder->default_material = add_material(builder->description, grey);
@@ -328,9 +356,14 @@ static void read_form(Builder *builder, Node *node)
 
 static void read_shine(Builder *builder, Node *node)
 {
-    Node *emitter = only_child(node, "emitter");
-    if (emitter)
-        builder->shape->emitter = read_emitter(builder, emitter, builder->description->shape_count);
+    Node *part = only_part(builder, node, "emitter");
+    Node *emitter = part ? meant_by(builder, part, "<emitter>") : NULL;
+    if (emitter && emitter->state == READ)
+        fail(part, "<ref id=\"%.80s\"/>: this emitter is that of another shape, and each needs its own", attribute(part, "id"));
+    if (!emitter)
+        return;
+    emitter->state = READ;
+    builder->shape->emitter = read_emitter(builder, emitter, builder->description->shape_count);
 }
 
 static void read_shape(Builder *builder, Node *node)
@@ -363,7 +396,9 @@ static void path_check(void *plugin, Said *said)
     const Description *d = plugin;
     if (d->max_depth == 0)
         fail(given(said, "max_depth"), "\"max_depth\" 0 is a black image: -1 is without limit, 1 emission only");
-    if (strcmp(said->type, "path") != 0)
+    if (find_word("photonmap, ppm, sppm", said->type) >= 0)
+        note(said, "<integrator type=\"%s\"> is rendered as path, whose mean its pictures approach", said->type);
+    else if (strcmp(said->type, "path") != 0)
         note(said, "<integrator type=\"%s\"> is rendered as path, which has the same mean", said->type);
 }
 
@@ -375,6 +410,8 @@ static void direct_check(void *plugin, Said *said)
         fail(samples, "\"shading_samples\" is \"emitter_samples\" and \"bsdf_samples\": write it or these");
     d->max_depth = 2;
     d->rr_depth = 5;
+    if (strcmp(said->type, "direct") != 0)
+        note(said, "<integrator type=\"%s\"> is rendered as direct, which has the same mean", said->type);
 }
 
 #define SAMPLING_FIELDS                                                                                      \
@@ -387,18 +424,31 @@ static const Plugin path = {"path, volpath, volpathmis, prb, prbvolpath", path_c
     {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
     {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
     {"use_spectral_mis", AS_BOOLEAN, LEFT_OUT, NULL, "true"},
+    {"strict_normals", AS_BOOLEAN, offsetof(Description, strict_normals), NULL, "false"},
     SAMPLING_FIELDS}};
+/* Their own properties say how the same integral is estimated. */
+static const Plugin other_paths = {"bdpt, erpt, mlt, pssmlt, photonmap, ppm, sppm, prb_basic, prb_projective, prb_reparam",
+    path_check, {
+    {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
+    {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
+    {"strict_normals", AS_BOOLEAN, offsetof(Description, strict_normals), NULL, "false"},
+    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"},
+    {"*", AS_ANYTHING, LEFT_OUT, NULL, ""}}};
+static const Plugin other_direct = {"direct_projective, direct_reparam", direct_check, {
+    {"hide_emitters", AS_BOOLEAN, offsetof(Description, hide_emitters), NULL, "false"},
+    {"*", AS_ANYTHING, LEFT_OUT, NULL, ""}}};
 static const Plugin direct = {"direct", direct_check, {
     {"shading_samples", AS_INTEGER, LEFT_OUT, "[1,2147483647]", "1"},
     {"emitter_samples", AS_INTEGER, LEFT_OUT, "[1,2147483647]", "1"},
     {"bsdf_samples", AS_INTEGER, LEFT_OUT, "[1,2147483647]", "1"},
+    {"strict_normals", AS_BOOLEAN, offsetof(Description, strict_normals), NULL, "false"},
     SAMPLING_FIELDS}};
-static const Plugin around = {"aov, moment", NULL, { /* an integrator, whose picture is the mean */
+static const Plugin around = {"aov, moment, adaptive", NULL, { /* an integrator, whose picture is the mean */
     {"aovs", AS_STRING, LEFT_OUT, NULL, ""},
     {"block_size", AS_INTEGER, LEFT_OUT, "[0,2147483647]", "0"},
     {"samples_per_pass", AS_INTEGER, LEFT_OUT, "[-1,2147483647]", "-1"},
     {"timeout", AS_FLOAT, LEFT_OUT, "(-inf,inf)", "-1"}}};
-static const Plugin *const integrators[] = {&path, &direct, &around};
+static const Plugin *const integrators[] = {&path, &direct, &other_paths, &other_direct, &around};
 static const Plugin hdrfilm = {"hdrfilm, ldrfilm", NULL, {
     {"width", AS_INTEGER, offsetof(Frame, film_width), "[1,65536]", "768"},
     {"height", AS_INTEGER, offsetof(Frame, film_height), "[1,65536]", "576"},
@@ -413,6 +463,10 @@ static const Plugin hdrfilm = {"hdrfilm, ldrfilm", NULL, {
     {"compensate", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
     {"sample_border", AS_BOOLEAN, offsetof(Frame, sample_border), NULL, "false"},
     {"attach_log", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
+    {"filename", AS_STRING, LEFT_OUT, NULL, ""},
+    {"tonemap_method", AS_STRING, LEFT_OUT, NULL, ""},
+    {"key", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
+    {"burn", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
     {"gamma", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""},
     {"exposure", AS_FLOAT, LEFT_OUT, "(-inf,inf)", ""}}};
 static const Plugin independent = {
@@ -467,7 +521,8 @@ static void set_crop(const Node *node, Frame *frame)
 
 static void read_film(Builder *builder, Node *node)
 {
-    read_only(builder, node, &hdrfilm, "<rfilter>", &builder->description->sensor.frame);
+    read_only(builder, node, &hdrfilm, "<rfilter>, <ref>", &builder->description->sensor.frame);
+    check_refs(builder, node, "<rfilter>");
     if (strcmp(attribute(node, "type"), "ldrfilm") == 0)
         note(node, "<film type=\"ldrfilm\"> is read as hdrfilm: the picture has radiances (as a .png, sRGB)");
 }
@@ -523,20 +578,24 @@ static void read_view(Builder *builder, Node *node)
     sensor->kind = (SensorKind)kind;
     sensor->file = node->file;
     sensor->line = node->line;
-    read_plugin(builder, node, sensors[kind], "<film>, <sampler>", &sensor->as);
+    read_plugin(builder, node, sensors[kind], "<film>, <sampler>, <ref>", &sensor->as);
 }
 
 /* Without a film, or a filter, with Mitsuba's. */
 static void read_sensor(Builder *builder, Node *node)
 {
     Sensor *sensor = &builder->description->sensor;
-    Node *film = only_child(node, "film");
+    Node *film = only_part(builder, node, "film"), *sampler = only_part(builder, node, "sampler");
+    film = film ? meant_by(builder, film, "<film>") : NULL;
+    sampler = sampler ? meant_by(builder, sampler, "<sampler>") : NULL;
+    check_refs(builder, node, "<film>, <sampler>");
+    Node *filter = film ? only_part(builder, film, "rfilter") : NULL;
     sensor->frame = (Frame){.film_width = 768, .film_height = 576};
     sensor->filter = (Filter){.kind = FILTER_GAUSSIAN, .as.gaussian = {.5}};
     bool right = reads(builder, read_view, node);
     right &= reads(builder, read_film, film);
-    right &= reads(builder, read_filter, film ? only_child(film, "rfilter") : NULL);
-    right &= reads(builder, read_sampler, only_child(node, "sampler"));
+    right &= reads(builder, read_filter, filter ? meant_by(builder, filter, "<rfilter>") : NULL);
+    right &= reads(builder, read_sampler, sampler);
     if (!right)
         give_up();
     set_frame(builder, film ? film : node);
@@ -583,7 +642,26 @@ static void choose_sensor(Builder *builder, Node *root)
 
 /* The scene. */
 
-static void read_light(Builder *builder, Node *node) { read_emitter(builder, node, -1); }
+/* Is it there for a <ref> in a shape to mean? */
+static bool is_lamp(const Node *node)
+{
+    return attribute(node, "id") && plugin_of(node, emitters, COUNT(emitters)) == EMITTER_AREA;
+}
+
+static void read_light(Builder *builder, Node *node)
+{
+    if (!is_lamp(node))
+        read_emitter(builder, node, -1);
+}
+
+/* One that no shape has is right or wrong all the same. */
+static void check_light(Builder *builder, Node *node)
+{
+    Emitter unused;
+    if (is_lamp(node) && node->state == UNREAD)
+        read_plugin(builder, node, emitters[EMITTER_AREA], "", &unused.as);
+}
+
 static void check_bsdf(Builder *builder, Node *node) { read_bsdf(builder, node); }
 static void check_texture(Builder *builder, Node *node) { read_texture(builder, node); }
 
@@ -601,8 +679,22 @@ static void check_root(Builder *builder, Node *root)
 {
     Said said;
     (void)builder;
-    read_fields(root, &(Field){0}, "<default>, <path>, <alias>, <integrator>, <sensor>, <bsdf>, <texture>, <shape>, <emitter>, <ref>",
-        NULL, &said);
+    read_fields(root, &(Field){0}, "<default>, <path>, <alias>, <integrator>, <sensor>, <film>, <rfilter>, <sampler>, <bsdf>, <texture>, <shape>, <emitter>, "
+        "<ref>", NULL, &said);
+    for (const Node *child = root->first; child; child = child->next)
+        if (is_among(child, "<film>, <rfilter>, <sampler>") && !attribute(child, "id"))
+            note(child, "<%s> in <scene> is left out: give it an id, and a <ref> where it shall be", child->tag);
+}
+
+/* Mitsuba 3 has strict normals no more: where normals are not interpolated they change nothing. */
+static void check_strict_normals(Builder *builder, Node *integrator)
+{
+    const Description *d = builder->description;
+    for (int i = 0; i < d->shape_count; i++)
+        if (d->shapes[i].kind == SHAPE_MESH && d->shapes[i].as.mesh.smooth)
+            fail(integrator, "\"strict_normals\" is not supported with interpolated normals, which the shape in line %d has "
+                 "(\"face_normals\", or leave it out)", d->shapes[i].line);
+    note(integrator, "\"strict_normals\" is left out: no shape has interpolated normals");
 }
 
 /* Mitsuba has no integrator then, and renders nothing. */
@@ -634,7 +726,8 @@ static void read_scene(Builder *builder, Node *root)
 {
     static const ScenePart seen[] = {{"integrator", read_integrator}, {"shape", read_shape}, {"emitter", read_light},
         {"ref", check_ref}, {NULL, NULL}};
-    static const ScenePart named[] = {{"bsdf", check_bsdf}, {"texture", check_texture}, {NULL, NULL}};
+    static const ScenePart named[] = {{"bsdf", check_bsdf}, {"texture", check_texture}, {"emitter", check_light},
+        {NULL, NULL}};
     Description *d = builder->description;
     if (strcmp(root->tag, "scene") != 0)
         fail(root, "the outermost element must be <scene version=\"3.0.0\">, not <%s>", root->tag);
@@ -643,6 +736,8 @@ static void read_scene(Builder *builder, Node *root)
     reads(builder, check_integrator, root);
     reads(builder, choose_sensor, root);
     read_parts(builder, root, seen);
+    if (d->strict_normals)
+        reads(builder, check_strict_normals, first_of(root->first, "integrator"));
     int used_materials = d->material_count;       /* what no shape uses is checked and left out */
     read_parts(builder, root, named);
     d->material_count = used_materials;

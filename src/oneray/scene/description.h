@@ -86,7 +86,7 @@ typedef struct {
     Sensor sensor;
     int sample_count;        /* samples per pixel that the file asks for */
     int max_depth, rr_depth; /* as Mitsuba's path: -1 no limit, 1 emission only, 2 direct light */
-    bool hide_emitters;
+    bool hide_emitters, strict_normals;
     Material *materials;
     int material_count;
     Texture *textures; /* that materials name, from 1 on */

@@ -22,10 +22,11 @@ static const struct {
 } kinds[] = {
     [AS_FLOAT] = {"<float> or <integer>", 1}, [AS_IOR] = {"<float>, <integer> or <string>", 1},
     [AS_COLOUR] = {"<rgb>, <spectrum>, <float> or <integer>", 3},
-    [AS_EMISSION] = {"<rgb>, <spectrum>, <float> or <integer>", 3},
+    [AS_EMISSION] = {"<rgb>, <spectrum>, <blackbody>, <float> or <integer>", 3},
     [AS_REFLECTANCE] = {"<rgb>, <spectrum>, <float>, <integer>, <texture> or <ref>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
     [AS_INTEGER] = {"<integer>", 0}, [AS_BOOLEAN] = {"<boolean>", 0}, [AS_STRING] = {"<string>", 0},
-    [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0}};
+    [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0},
+    [AS_ANYTHING] = {"<float>, <integer>, <boolean> or <string>", 0}};
 
 static bool gives(const Node *node, FieldKind kind) { return is_among(node, kinds[kind].elements); }
 
@@ -287,10 +288,84 @@ static void add_interval(const double from[2], const double to[2], bool lit, dou
     }
 }
 
+/* The sums of add_interval and the like as sRGB, as far as that can show them. */
+static void set_rgb(const Node *node, FieldKind kind, double xyz[3], double rgb[3])
+{
+    bool inside = true;
+    for (int c = 0; c < 3; c++)
+        xyz[c] *= (CIE_LAST - CIE_FIRST) * CIE_Y_NORMALIZATION / 1000;
+    xyz_to_rgb(xyz, rgb);
+    for (int c = 0; c < 3; c++) {
+        double in = fmax(0, kind == AS_REFLECTANCE ? fmin(1, rgb[c]) : rgb[c]);
+        inside = inside && in == rgb[c];
+        rgb[c] = in;
+    }
+    if (!inside)
+        note(node, "this spectrum is beyond what red, green and blue can be, and cut off there, as by Mitsuba");
+}
+
+/* Planck's law, W·m⁻²·sr⁻¹·nm⁻¹. */
+static void blackbody(const Node *node, double kelvin, double scale, double rgb[3])
+{
+    const double c = 2.99792458e8, h = 6.62607015e-34, k = 1.380649e-23, step = (CIE_LAST - CIE_FIRST) / 1000;
+    double xyz[3] = {0, 0, 0};
+    for (int i = 0; i < 1000; i++) {
+        double w = CIE_FIRST + (i + .5) * step, m = w * 1e-9;
+        double light = scale * 2e-9 * h * c * c / (pow(m, 5) * expm1(h * c / (m * k * kelvin)));
+        for (int one = 0; one < 3; one++)
+            xyz[one] += at_wavelength(cie_xyz[one], w) * light;
+    }
+    set_rgb(node, AS_EMISSION, xyz, rgb);
+}
+
+/* <spectrum type="…">: of each what one number says. */
+static const Plugin spectra[] = {
+    {"d65", NULL, {{"scale", AS_FLOAT, 0, "[0,inf)", "1"}}},
+    {"uniform", NULL, {{"value", AS_FLOAT, 0, "(-inf,inf)", "1"}}},
+    {"blackbody", NULL, {{"temperature", AS_FLOAT, 0, "[1,1e6]", NULL}}}};
+
+static void parse_typed_spectrum(const Node *node, FieldKind kind, double rgb[3])
+{
+    Said said;
+    Text list = {0};
+    if (attribute(node, "value"))
+        fail(node, "%s has \"type\" and \"value\": write one or the other", describe(node));
+    for (int i = 0; i < COUNT(spectra); i++) {
+        append_word(&list, spectra[i].types);
+        if (strcmp(spectra[i].types, attribute(node, "type")) != 0)
+            continue;
+        read_fields(node, spectra[i].fields, "", rgb, &said);
+        rgb[1] = rgb[2] = rgb[0];
+        if (strcmp(said.type, "blackbody") == 0 && kind != AS_EMISSION)
+            fail(node, "%s is light, and no reflectance", describe(node));
+        if (strcmp(said.type, "blackbody") == 0)
+            blackbody(node, rgb[0], 1, rgb);
+        return;
+    }
+    fail(node, "%s is not supported (%s)", describe(node), list.text);
+}
+
+/* <blackbody temperature="5000K"/> of Mitsuba 0. */
+static void parse_blackbody(const Node *node, double rgb[3])
+{
+    const char *text = attribute(node, "temperature"), *scale = attribute(node, "scale");
+    size_t length = strlen(text);
+    double kelvin = parse_number(node, text, length - (length && tolower((unsigned char)text[length - 1]) == 'k'));
+    if (!(kelvin >= 1 && kelvin <= 1e6))
+        fail(node, "\"temperature\" must be in [1,1e6], not %g", kelvin);
+    note(node, "<blackbody> is read as <spectrum type=\"blackbody\">, which Mitsuba 3 wants");
+    blackbody(node, kelvin, scale ? parse_number(node, scale, strlen(scale)) : 1, rgb);
+}
+
 /* value="400:0.1, 700:0.2", wavelengths in nm and values that are linear between, or one for all. */
 static void parse_spectrum(const Node *node, const char *text, FieldKind kind, double rgb[3])
 {
     double last[2] = {0, 0}, xyz[3] = {1, 1, 1};
+    if (!strchr(text, ':') && count_numbers(text) == 3) {
+        note(node, "three numbers in <spectrum> are read as <rgb>, as by Mitsuba 0: Mitsuba 3 refuses them");
+        parse_numbers(node, text, rgb);
+        return;
+    }
     if (!strchr(text, ':')) {
         double all = parse_number(node, text, strlen(text));
         xyz_to_rgb(xyz, rgb);
@@ -314,17 +389,7 @@ static void parse_spectrum(const Node *node, const char *text, FieldKind kind, d
     }
     if (count < 2)
         fail(node, "<spectrum> needs two pairs wavelength:value, or one number");
-    for (int c = 0; c < 3; c++)
-        xyz[c] *= (CIE_LAST - CIE_FIRST) * CIE_Y_NORMALIZATION / 1000;
-    xyz_to_rgb(xyz, rgb);
-    bool inside = true;
-    for (int c = 0; c < 3; c++) {
-        double in = fmax(0, kind == AS_REFLECTANCE ? fmin(1, rgb[c]) : rgb[c]);
-        inside = inside && in == rgb[c];
-        rgb[c] = in;
-    }
-    if (!inside)
-        note(node, "this spectrum is beyond what red, green and blue can be, and cut off there, as by Mitsuba");
+    set_rgb(node, kind, xyz, rgb);
 }
 
 /* Indices of refraction by Mitsuba's names, at 589.3 nm. */
@@ -356,7 +421,13 @@ static double parse_ior(const Node *node, const char *text)
 /* One number, <rgb> with one or three, or a <spectrum>. */
 static void parse_colour(const Node *node, const char *text, FieldKind kind, double colour[3])
 {
-    if (strcmp(node->tag, "spectrum") == 0)
+    if (strcmp(node->tag, "blackbody") == 0)
+        parse_blackbody(node, colour);
+    else if (strcmp(node->tag, "spectrum") == 0 && attribute(node, "type"))
+        parse_typed_spectrum(node, kind, colour);
+    else if (!text)
+        fail(node, "<spectrum> lacks the attribute \"value\"");
+    else if (strcmp(node->tag, "spectrum") == 0)
         parse_spectrum(node, text, kind, colour);
     else if (gives(node, AS_FLOAT))
         colour[0] = colour[1] = colour[2] = parse_real(node, text);
@@ -384,6 +455,7 @@ static void read_value(const Node *node, const Field *field, const char *text, v
     case AS_STRING: *(const char **)to = text; break;
     case AS_WORD: *(int *)to = parse_word(node, field, text); break;
     case AS_TRANSFORM: *(Affine *)to = parse_transform(node); break;
+    case AS_ANYTHING: break;
     case AS_FILE: ((File *)to)->name = find_file(node->scene, text); break;
     }
     if (field->range && field->kind == AS_INTEGER)
@@ -392,7 +464,7 @@ static void read_value(const Node *node, const Field *field, const char *text, v
         check_range(node, field, ((double *)to)[i]);
     bool left_out = field->offset == LEFT_OUT || (field->offset == NOWHERE && *(int *)to != 0);
     if (left_out && attribute(node, "name"))
-        note(node, "\"%s\" = \"%.80s\" is left out: it changes no mean of a pixel", field->name, text);
+        note(node, "\"%s\" = \"%.80s\" is left out: it changes no mean of a pixel", attribute(node, "name"), text);
 }
 
 static void read_default(const Node *node, const Field *field, void *plugin)
@@ -434,7 +506,7 @@ static const Field *find_field(const Node *child, const Field *fields, const cha
         fail(child, "%s in %s lacks the attribute \"name\": which property it is (%s)", describe(child),
             describe(child->parent), taken(fields, objects));
     for (const Field *field = fields; field->name; field++)
-        if (strcmp(field->name, name) == 0)
+        if (strcmp(field->name, name) == 0 || field->kind == AS_ANYTHING)
             return field;
     fail(child, "%s has no property \"%.80s\" (%s)", describe(child->parent), name, taken(fields, objects));
 }
@@ -457,13 +529,13 @@ static void read_child(void *reading)
     if (!field)
         return;
     Place *place = &r->said->place[field - r->fields];
-    if (place->line)
+    if (place->line && field->kind != AS_ANYTHING)
         fail(child, "\"%s\" is given twice, first in line %d", field->name, place->line);
     *place = (Place){child->file, child->line};
     if (!gives(child, field->kind))
         fail(child, "\"%s\" must be given as %s, not as <%s>", field->name, kinds[field->kind].elements, child->tag);
     bool instead = is_among(child, INSTEAD_OF_COLOUR);
-    if (child->first && field->kind != AS_TRANSFORM && !instead)
+    if (child->first && field->kind != AS_TRANSFORM && !instead && !attribute(child, "type"))
         fail(child->first, "<%s> cannot stand in <%s>", child->first->tag, child->tag);
     if (instead)
         ((Reflectance *)(void *)((char *)r->to + field->offset))->element = child;

@@ -23,7 +23,8 @@ static const struct {
     {"<alias>", "id, as", 2},
     {"<include>", "filename, name", 1},
     {"<path>", "value", 1},
-    {"<spectrum>", "name, value", 2},
+    {"<spectrum>", "name, value, type, id", 1},
+    {"<blackbody>", "name, temperature, scale", 2},
     {"<integrator>, <sensor>, <film>, <rfilter>, <sampler>, <bsdf>, <texture>, <shape>, <emitter>",
      "type, id, name", 1},
     {"<point>, <vector>", "name, value, x, y, z", 1},
@@ -167,8 +168,8 @@ static void check_attributes(const Node *node, const char *allowed, int needed)
 static void add_default(Reader *reader, const Node *node)
 {
     const char *name = attribute(node, "name");
-    if (!node->parent || node->parent->parent)
-        fail(node, "<default> must stand directly in <scene>");
+    if (!node->parent || (node->parent->parent && !attribute(node->parent, "type")))
+        fail(node, "<default> must stand in <scene>, or in what has a type");
     if (!*name || name[strspn(name, NAME_CHARACTERS)])
         fail(node, "<default name=\"%.80s\">: a name has letters, digits and _ only", name);
     Parameter *parameter = parameter_at(reader, name);
@@ -179,7 +180,7 @@ static void add_default(Reader *reader, const Node *node)
         *parameter = (Parameter){.name = name, .value = attribute(node, "value")};
     }
     if (parameter->declared)
-        fail(node, "the default \"%.80s\" is given twice", name);
+        note(node, "the default \"%.80s\" is given twice: the first holds, as in Mitsuba", name);
     parameter->declared = true;
 }
 
@@ -299,6 +300,52 @@ static void put_under(Node *parent, Node *node)
         parent->last = parent->first = node;
 }
 
+static Node *new_node(const char *file, int line, const char *tag, Node *parent, size_t attributes)
+{
+    Node *node = allocate(1, sizeof *node);
+    *node = (Node){.file = file, .line = line, .tag = copy(tag), .parent = parent,
+        .attributes = allocate(attributes + 1, sizeof *node->attributes)};
+    return node;
+}
+
+static void take_last(Node *parent)
+{
+    Node **at = &parent->first, *before = NULL;
+    for (; *at != parent->last; at = &(*at)->next)
+        before = *at;
+    *at = NULL;
+    parent->last = before;
+}
+
+/* In version 0 a texture has "uoffset", "voffset", "uscale" and "vscale", which become steps of "to_uv". */
+static void upgrade_to_uv(const Reader *reader, Node *node)
+{
+    const char *name = attribute(node, "name"), *value = attribute(node, "value");
+    int which = name && value ? find_word("uoffset, voffset, uscale, vscale", name) : -1;
+    Node *parent = node->parent, *to_uv = parent ? parent->first : NULL;
+    if (which < 0 || reader->in.major >= 2 || !parent || !is_among(node, "<float>, <integer>"))
+        return;
+    while (to_uv && !to_uv->upgraded)
+        to_uv = to_uv->next;
+    Node *step = new_node(node->file, node->line, which < 2 ? "translate" : "scale", NULL, 2);
+    step->attributes[0] = copy(which % 2 ? "y" : "x"), step->attributes[1] = copy(value);
+    take_last(parent);
+    if (!to_uv) {
+        to_uv = new_node(node->file, node->line, "transform", parent, 2);
+        to_uv->attributes[0] = copy("name"), to_uv->attributes[1] = copy("to_uv");
+        to_uv->upgraded = true;
+        put_under(parent, to_uv);
+    }
+    step->parent = to_uv;
+    if (which >= 2 || !to_uv->first) {            /* offsets before scales */
+        put_under(to_uv, step);
+    } else {
+        step->next = to_uv->first;
+        to_uv->first = step;
+    }
+    free_node(node);
+}
+
 /* Its children go where the <include> stands. */
 static bool is_included_scene(const Reader *reader, const char *tag)
 {
@@ -311,15 +358,13 @@ static void add_folder(Reader *reader, const Node *node);
 static void XMLCALL on_start(void *data, const char *tag, const char **attributes)
 {
     Reader *reader = data;
-    Node *node = allocate(1, sizeof *node);
-    *node = (Node){.file = reader->in.file, .line = line_of(reader), .tag = copy(tag), .parent = reader->open,
-        .scene = reader->scene};
-    if (++reader->depth > MAX_NESTING)
-        fail(node, "elements are nested more than %d deep", MAX_NESTING);
     size_t count = 0;
     while (attributes[count])
         count++;
-    node->attributes = allocate(count + 3, sizeof *node->attributes);
+    Node *node = new_node(reader->in.file, line_of(reader), tag, reader->open, count + 2);
+    node->scene = reader->scene;
+    if (++reader->depth > MAX_NESTING)
+        fail(node, "elements are nested more than %d deep", MAX_NESTING);
     Opened opened = {reader, node, attributes};
     node->wrong = !attempt(read_attributes, &opened);
     if (is_included_scene(reader, tag)) {
@@ -329,7 +374,7 @@ static void XMLCALL on_start(void *data, const char *tag, const char **attribute
     if (!node->parent)
         reader->scene->root = node;
     else if (strcmp(tag, "include") != 0)
-        put_under(node->parent, node);
+        put_under(strcmp(tag, "default") ? node->parent : reader->scene->root, node);
     reader->open = node;
 }
 
@@ -345,6 +390,8 @@ static void XMLCALL on_end(void *data, const char *tag)
             include(reader, node);
         if (strcmp(tag, "include") == 0 && node->parent)
             free_node(node);
+        else
+            upgrade_to_uv(reader, node);
     }
     reader->depth--;
 }

@@ -14,6 +14,7 @@ struct Node {
     Node *parent, *first, *last, *next;           /* the first and last child, the next sibling */
     const struct SceneFile *scene;
     bool wrong;                                   /* itself, and it was said */
+    bool upgraded;                                /* a transform that properties of version 0 became */
     enum { UNREAD, BEING_READ, READ, WRONG } state; /* of a bsdf or texture, which many may refer to */
     int front, back;                              /* once it is read: its materials by side; the texture's number */
 };

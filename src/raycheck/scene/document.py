@@ -71,6 +71,9 @@ class Document:
         for element, known in self._walk(root):
             for key, text in element.attrib.items():
                 element.set(key, _filled(text, known, self.path))
+        for element in [one for one in root.iter() if one is not root and "type" in one.attrib]:
+            for default in element.findall("default"):
+                element.remove(default)  # whose value is in its places now
         return root
 
     def names(self) -> list[str]:
@@ -211,6 +214,27 @@ def _rename(root: Element) -> None:
             words = re.sub(r"(?<=[a-z])[A-Z]+", lambda found: "_" + found[0].lower(), name)
             diffuse = parent.get("type") == "diffuse" and words == "diffuse_reflectance"
             child.set("name", "reflectance" if diffuse else words)
+        _upgrade_to_uv(parent)
+
+
+_OFFSETS = {"uoffset": ("translate", "x"), "voffset": ("translate", "y")}
+_SCALES = {"uscale": ("scale", "x"), "vscale": ("scale", "y")}
+
+
+def _upgrade_to_uv(parent: Element) -> None:
+    """Offsets and scales of texture coordinates in version 0 are steps of "to_uv" today, in this order."""
+    numbers = [child for child in parent if child.tag in ("float", "integer")]
+    said = [child for child in numbers if child.get("name") in {**_OFFSETS, **_SCALES}]
+    if not said:
+        return
+    to_uv = _Placed("transform", {"name": "to_uv"})
+    for child in sorted(said, key=lambda child: child.get("name") in _SCALES):
+        step, axis = {**_OFFSETS, **_SCALES}[child.attrib["name"]]
+        made = _Placed(step, {axis: child.get("value", "")})
+        to_uv.place = made.place = place(child)
+        to_uv.append(made)
+        parent.remove(child)
+    parent.append(to_uv)
 
 
 def _found(name: str, folders: list[Path]) -> str:

@@ -26,6 +26,8 @@ CIE = Path(__file__).with_name("cie.json")
 _TRIPLES = ("colour", "emission", "reflectance", "vector")
 INSTEAD = ("texture", "ref")
 """Elements that may stand for a colour."""
+ANY = "*"
+"""A field that stands for all others: those change no picture's mean."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -117,6 +119,8 @@ class Said:
         if name is None:
             where = f"{described(child)} in {described(self.element)}"
             fail(child, f'{where} lacks the attribute "name": which property it is ({listed})')
+        if name not in self._fields and ANY in self._fields and child.tag in elements["anything"]:
+            return
         if name not in self._fields:
             fail(child, f'{described(self.element)} has no property "{name}" ({listed})')
         kind = self._fields[name]["kind"]
@@ -125,7 +129,7 @@ class Said:
         if child.tag not in elements[kind]:
             wanted = " or ".join(f"<{tag}>" for tag in elements[kind])
             fail(child, f'"{name}" must be given as {wanted}, not as <{child.tag}>')
-        if len(child) and kind != "transform" and child.tag not in INSTEAD:
+        if len(child) and kind != "transform" and child.tag not in INSTEAD and "type" not in child.attrib:
             fail(child[0], f"<{child[0].tag}> cannot stand in <{child.tag}>")
         self._given[name] = child
 
@@ -195,7 +199,12 @@ class Said:
         at = self.element if element is None else element
         if kind == "vector" and element is not None:
             return xyz(element)
-        value = _parsed(at, kind, field["default"] if element is None else element.attrib["value"], field)
+        typed = element is not None and (element.tag == "blackbody" or "type" in element.attrib)
+        if element is not None and (typed or (element.tag == "spectrum" and "value" not in element.attrib)):
+            value = _lamp(element, kind)
+        else:
+            text = field["default"] if element is None else element.attrib["value"]
+            value = _parsed(at, kind, text, field)
         if field["range"] and kind != "word":
             for one in np.atleast_1d(value):
                 _check_range(at, field, float(one))
@@ -221,7 +230,7 @@ def _parsed(at: Element, kind: str, text: str, field: dict[str, Any]) -> Any:
         if text not in mediums:
             fail(at, f'no medium is called "{text}" ({", ".join(mediums)})')
         return mediums[text]
-    if at.tag == "spectrum":
+    if at.tag == "spectrum" and kind in _TRIPLES:
         return _spectrum(at, text, kind)
     if kind in _TRIPLES:
         return _triple(at, "value", text, at.tag != "float")
@@ -261,6 +270,36 @@ def _triple(at: Element, name: str, text: str, three: bool = True, one: bool = T
     return np.broadcast_to([_number(at, word) for word in words], 3).copy()
 
 
+def _lamp(at: Element, kind: str) -> Array:
+    """(3,) sRGB of <spectrum type="…">, or of Mitsuba 0's <blackbody>."""
+    scale = 1.0
+    if at.tag == "blackbody":
+        scale = _number(at, at.get("scale", "1").strip(" "))
+        kelvin = _number(at, at.attrib["temperature"].strip(" ").removesuffix("K").removesuffix("k"))
+    elif "type" not in at.attrib:
+        fail(at, '<spectrum> lacks the attribute "value"')
+    elif "value" in at.attrib:
+        fail(at, f'{described(at)} has "type" and "value": write one or the other')
+    else:
+        with Said(at) as said:
+            if said.type != "blackbody":
+                return np.full(3, said.number("scale" if said.type == "d65" else "value"))
+            kelvin = said.number("temperature")
+    if kind != "emission":
+        fail(at, f"{described(at)} is light, and no reflectance")
+    if not 1 <= kelvin <= 1e6:
+        fail(at, f'"temperature" must be in [1,1e6], not {kelvin:g}')
+    tables = json.loads(CIE.read_text(encoding="utf-8"))
+    first, last = tables["first"], tables["last"]
+    wavelengths = first + (np.arange(_STEPS) + 0.5) * (last - first) / _STEPS
+    c, h, k, metres = 2.99792458e8, 6.62607015e-34, 1.380649e-23, wavelengths * 1e-9
+    light = 2e-9 * h * c**2 / (metres**5 * np.expm1(h * c / (metres * k * kelvin)))
+    grid = np.linspace(first, last, len(tables["d65"]))
+    xyz = [(np.interp(wavelengths, grid, one) * light).sum() for one in tables["xyz"]]
+    rgb = _RGB_OF_XYZ @ xyz * scale * (last - first) * tables["y_normalization"] / _STEPS
+    return np.asarray(np.clip(rgb, 0, None), dtype=np.float64)
+
+
 _RGB_OF_XYZ = np.array(
     [[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]]
 )
@@ -272,6 +311,8 @@ def _spectrum(at: Element, text: str, kind: str) -> Array:
     """(3,) sRGB of "wavelength:value, …" in nm, or of one value for all, as Mitsuba's rgb variants have it:
     of light, or of a surface or medium in the light of D65.
     """
+    if ":" not in text and len(re.split(r"[ ,]+", text.strip(" ,"))) == 3:
+        return _triple(at, "value", text)  # linear sRGB, as in Mitsuba 0
     if ":" not in text:
         return np.full(3, _number(at, text.strip(" "))) * (
             _RGB_OF_XYZ.sum(axis=1) if kind == "emission" else 1

@@ -140,11 +140,16 @@ class Scene:
         return not (self.point_lights or self.suns or self.spots or self.sky.any())
 
 
+PARTS = ("emitter", "film", "rfilter", "sampler")
+"""Elements that a <ref> may stand for in a shape, sensor or film, besides materials."""
+
+
 def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene:
     """Read a scene file with `parameters` for its defaults; ReferenceError_ for what has no meaning here."""
     said = document.read(path, parameters)
     root = said.resolved()
     _check_root(root)
+    _place_parts(root)
     materials = _Materials(root)
     max_depth, roulette_depth, hide_emitters = _integrator(only(root, "integrator"))
     sensor = document.sensor(root)
@@ -187,6 +192,8 @@ def _integrator(element: Element | None) -> tuple[int, int, bool]:
             assert inside is not None
             element = inside
     with Said(inner) as said:
+        if said.type in ("direct_projective", "direct_reparam"):
+            return 2, 5, said.flag("hide_emitters")
         if said.type == "direct":
             both = said.given("emitter_samples") is not None or said.given("bsdf_samples") is not None
             if said.given("shading_samples") is not None and both:
@@ -194,6 +201,7 @@ def _integrator(element: Element | None) -> tuple[int, int, bool]:
             return 2, 5, said.flag("hide_emitters")
         max_depth, roulette_depth = said.integer("max_depth"), said.integer("rr_depth")
         hide_emitters = said.flag("hide_emitters")
+        said.ignore("strict_normals")
     if max_depth == 0:
         fail(inner, '"max_depth" 0 is a black image: -1 is without limit, 1 emission only')
     return max_depth, roulette_depth, hide_emitters
@@ -206,17 +214,36 @@ def _check_root(root: Element) -> None:
     if not re.fullmatch(r"[0-3]\.\d{1,4}\.\d{1,4}", root.attrib["version"]):
         version = root.attrib["version"]
         fail(root, f'scene version "{version}" is not supported (3.0.0, or another of 0.x.y to 3.x.y)')
-    names: set[str] = set()
-    parts = ("integrator", "sensor", "bsdf", "texture", "shape", "emitter", "ref")
+    parts = ("integrator", "sensor", *PARTS, "bsdf", "texture", "shape", "ref")
     for element in children(root, ("default", "path", "alias", *parts)):
         if element.tag != "default":
             continue
         children(element, ())
         name = element.attrib["name"]
-        if not re.fullmatch(r"\w+", name, re.ASCII) or name in names:
-            wrong = "is given twice" if name in names else "has more than letters, digits and _ in its name"
-            fail(element, f'the default "{name}" {wrong}')
-        names.add(name)
+        if not re.fullmatch(r"\w+", name, re.ASCII):
+            fail(element, f'the default "{name}" has more than letters, digits and _ in its name')
+
+
+def _place_parts(root: Element) -> None:
+    """Put what sensors, films and shapes refer to in the place of the <ref>, but for materials; what stands
+    in the scene for that alone goes.
+    """
+    known = {element.get("id"): element for element in root.iter() if element.tag in PARTS}
+    for alias in root.findall("alias"):
+        if alias.get("id") in known:
+            known[alias.get("as")] = known[alias.get("id")]
+    for parent in (e for tag in ("sensor", "film", "shape") for e in list(root.iter(tag))):
+        for at, child in enumerate(parent):
+            if child.tag == "ref" and child.get("id") in known:
+                children(child, ())
+                parent[at] = known[child.get("id")]
+    lamps = [element for element in root.iterfind("shape/emitter") if "id" in element.attrib]
+    if len(lamps) > len(set(lamps)):
+        fail(lamps[0], f'the emitter "{lamps[0].get("id")}" is that of two shapes, and each needs its own')
+    for element in list(root):
+        unplaced = element.tag == "emitter" and element.get("type") == "area" and "id" in element.attrib
+        if unplaced or element.tag in PARTS[1:]:
+            root.remove(element)
 
 
 class _Materials:
