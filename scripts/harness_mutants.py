@@ -264,7 +264,7 @@ TILE_ERRORS = of("judging/tile_errors.py", ["test_tile_errors.py", "test_parts.p
      "rounding of float32 counts as a mistake of some light"),
     ("noise-floor-scale", "(RELATIVE_FLOOR * self.scale**2)", "(RELATIVE_FLOOR * self.scale)",
      "the floor is not relative"),
-    ("calm-tiles", "own = np.maximum(own, np.where(", "own = np.maximum(own, 0 * np.where(",
+    ("calm-tiles", "return np.maximum(own, one *", "return np.maximum(own, 0 * one *",
      "tiles that missed rare samples count as calm"),
     ("calm-tiles-most", "np.median(own[noisy] / one[noisy])", "np.max(own[noisy] / one[noisy])",
      "all tiles are as noisy as the noisiest"),

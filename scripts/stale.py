@@ -1,4 +1,4 @@
-"""Which committed results are stale, since a picture that they rest on or the method has changed?
+"""Which committed results are stale, since a picture that they rest on or the method has changed, or missing?
 
     python scripts/stale.py             # what is stale and why, a line each; exit status 1 if anything is
     python scripts/stale.py --measure   # measures that anew, and nothing else
@@ -27,12 +27,22 @@ import benchmark_measure
 from raycheck.base.data import ROOT
 from raycheck.base.files import write_whole
 from raycheck.base.text import scenes_json
-from raycheck.calibration import gradings, kills, many_looks, naming, nulls, part_making, signatures, unseen
+from raycheck.calibration import (
+    gradings,
+    kills,
+    many_looks,
+    mutants,
+    naming,
+    nulls,
+    part_making,
+    signatures,
+    unseen,
+)  # fmt: skip
 from raycheck.judging import judge_renderer
 from raycheck.measuring import prices
 from raycheck.measuring.races import racing
 from raycheck.measuring.stability import results, sweeps
-from raycheck.truth.provenance import changes
+from raycheck.truth.provenance import changes, payload
 
 REFERENCES = ROOT / "references"
 RAYCHECK = shlex.join([sys.executable, "-m", "raycheck"])
@@ -52,6 +62,8 @@ class Result:
     """Keys of an entry that together name it, of a list."""
     text: Callable[[dict[str, Any]], str] | None = None
     """How the file is written where the command writes what it measured alone: it is put among the others."""
+    all: Callable[[], Iterable[str]] = tuple
+    """What it has to have of all there is today, in this order: entries, or pictures of the one entry."""
 
     @property
     def path(self) -> Path:
@@ -69,6 +81,12 @@ class Result:
         """The reasons why entries are stale, by the names of these."""
         found = {name: changes(entry.get("provenance", {}), self.method)
                  for name, entry in self.entries().items()}  # fmt: skip
+        if self.at in found:
+            [entry] = self.entries().values()
+            missing = set(self.all()) - set(entry.get("provenance", {}).get("pictures", ()))
+            found[self.at] += [f"{name} is not in it" for name in sorted(missing) if payload(name)]
+        else:
+            found |= {name: ["it is not measured yet"] for name in self.all() if name not in found}
         return {name: reasons for name, reasons in found.items() if reasons}
 
 
@@ -77,8 +95,16 @@ def rows(key: str, found: dict[str, Any]) -> str:
     return scenes_json({k: v for k, v in found.items() if k != "scenes"}, key, found["scenes"])
 
 
-def _calibrated(section: str, method: int, more: str = "") -> Result:
-    return Result("calibration.json", section, method, f"{RAYCHECK} calibrate {section} {more}")
+def _calibrated(section: str, method: int, more: str = "", rests: Callable[[], set[str]] = set) -> Result:
+    return Result("calibration.json", section, method, f"{RAYCHECK} calibrate {section} {more}", all=rests)
+
+
+def _killed() -> set[str]:
+    return {picture for mutant in mutants.catalogue() for picture in kills.rests_on(mutant)}
+
+
+def _named() -> set[str]:
+    return {picture for pair in signatures.pairs(mutants.catalogue()) for picture in pair.rests_on}
 
 
 RESULTS = (
@@ -96,9 +122,10 @@ RESULTS = (
     _calibrated("nulls", nulls.METHOD),
     _calibrated("mde", nulls.METHOD),
     _calibrated("looks", many_looks.METHOD),
-    _calibrated("mutants", kills.METHOD),
-    Result("signatures/manifest.json", "scenes", signatures.METHOD, f"{RAYCHECK} calibrate signatures"),
-    _calibrated("naming", naming.METHOD),
+    _calibrated("mutants", kills.METHOD, rests=_killed),
+    Result("signatures/manifest.json", "scenes", signatures.METHOD, f"{RAYCHECK} calibrate signatures",
+           all=lambda: signatures.scenes_of(mutants.catalogue())),
+    _calibrated("naming", naming.METHOD, rests=_named),
     _calibrated("unseen", unseen.METHOD),
     _calibrated("gradings", gradings.METHOD, "--assignment docs/lecture12.toml"),
     Result("parts/manifest.json", "", part_making.METHOD, f"{RAYCHECK} calibrate parts {{stale}}"),
@@ -131,6 +158,8 @@ def measure(result: Result, stale: Iterable[str]) -> None:
             kept, new = (json.loads(path.read_text(encoding="utf-8")) for path in (result.path, file))
             for entry in new[result.at]:
                 benchmark.put(kept[result.at], entry, result.name[0])
+            if order := list(result.all()):
+                kept[result.at].sort(key=lambda entry: order.index(entry[result.name[0]]))
             write_whole(result.path, result.text(kept))
 
 

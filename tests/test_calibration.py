@@ -12,10 +12,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raycheck.calibration import gradings, kills, lines, many_looks, mutants, nulls, rivals, trials
+from raycheck.calibration import (
+    gradings,
+    kills,
+    lines,
+    many_looks,
+    mutants,
+    naming,
+    nulls,
+    rivals,
+    signatures,
+    trials,
+)  # fmt: skip
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail.sandbox import Tier
 from raycheck.grading.judge import Grader
+from raycheck.judging import mistakes
+from raycheck.stats.tiles import grid, region_means
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -139,6 +152,27 @@ def test_effect_is_told_in_detectable_biases(tmp_path):
         assert one.effect == pytest.approx(one.strength * found[0].effect)
         assert one.rejected["raycheck"] or one.effect < 2
         assert not one.rejected["raycheck"] or one.effect > 0.3
+
+
+def test_what_looks_the_same_in_all_that_is_seen_is_no_wrong_name(tmp_path):
+    """All points of a ball, weighed as its facing half: in the two scenes whose lamp is a ball, twice the
+    reflected light, whatever mistakes double it elsewhere.
+    """
+    mutant = mutants.read(mutants.FOLDER / "sphere-half-not-halved.patch")
+    rng = np.random.default_rng(0)
+    for pair in signatures.pairs([mutant]):
+        of = mistakes.load(pair.scene)
+        if mutant.name in of.names:
+            truth = trials.load_truth(pair.scene)
+            right = region_means(truth.mean, grid(*truth.shape))
+            right = right * (1 + 1e-3 * rng.standard_normal((signatures.SEEDS, *right.shape)))
+            broken = right + of.error[list(of.names).index(mutant.name)]
+            np.savez(signatures.means_file(tmp_path, pair), broken=broken, right=right)
+    found = naming.summary(tmp_path, [mutant])["all scenes"]
+    assert found["catalogued"]["named"] == 1
+    assert found["orphans"] == {"of": 1, "wrong": {}}
+    others = set(naming.twins(mutant.name, ["spherical-light", "furnace"]))
+    assert "emission-twice" in others - set(naming.twins(mutant.name, signatures.COMPLETE))
 
 
 def test_the_committed_result():

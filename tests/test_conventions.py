@@ -39,6 +39,16 @@ def test_clamping_shows_by_many_values_at_a_round_cap() -> None:
 # ---- the contract ----
 
 
+@pytest.mark.parametrize("curve", [lambda x: 1 - np.exp(-2 * x), lambda x: np.minimum(x**0.45, 1)])
+def test_a_tone_curve_that_ends_at_its_white_is_not_clamping(curve) -> None:
+    """Though all that is bright has one value: what is darker is changed too."""
+    of = np.full((32, 32, 3), 0.2) * np.linspace(0.5, 2.5, 32)[:, None, None]
+    of.reshape(-1, 3)[:40] = 30.0
+    images = np.repeat(of[None], 4, axis=0)
+    assert checks.clamped(np.minimum(images, 1.0), of, 0 * of)
+    assert checks.clamped(curve(images), of, 0 * of) is None
+
+
 def test_sizes() -> None:
     image = Image(np.zeros((16, 32, 3)))
     assert checks.size_problem(image, 16, 32) is None

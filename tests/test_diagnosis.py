@@ -1,6 +1,7 @@
 """Mistakes are called by their names, and what nobody has catalogued is called unknown."""
 
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -13,8 +14,8 @@ import pytest
 from raycheck.base.images import write_pfm
 from raycheck.calibration import mutants
 from raycheck.judging import conventions, mistakes, sentences
-from raycheck.judging.explanations import explain
-from raycheck.judging.inspection import guesses
+from raycheck.judging.explanations import Explanation, Near, explain
+from raycheck.judging.inspection import Inspection, guesses, report
 from raycheck.judging.looks import look
 from raycheck.scene import lecture
 from raycheck.stats.tiles import grid
@@ -126,6 +127,32 @@ def test_command_on_a_right_picture(truth, tmp_path):
     done = command(*sorted(tmp_path.glob("*.pfm")), "--scene", SCENE)
     assert done.returncode == 0 and "No difference beyond noise." in done.stdout
     assert f"would have been seen ({SCENE}: " in done.stdout
+
+
+def test_what_few_samples_cannot_see_is_not_denied(truth):
+    """A tenth of a percent: what would have been seen is more than that, and `verify` sees it."""
+    for size in (0.0, 1e-3):
+        found = Inspection()
+        found.look(SCENE, images(truth, -size * truth.mean), truth, 1)
+        told, wrong = report(found)
+        assert not wrong and told.startswith("No difference beyond noise.")
+        seen = re.search(r"would have been seen \(area-light: ([\d.]+) %\)", told)
+        assert seen and float(seen[1]) > 0.1 and "raycheck verify" in told
+
+
+def test_what_explains_next_to_nothing_is_not_the_nearest():
+    """Nor is the lecture's argument quoted where no mistake is named."""
+    shares = {
+        "nee-cosine-squared": 0.63,
+        "light-no-cosine": 0.49,
+        "nee-no-cosine": 0.0,
+        "depth-too-few": -0.2,
+    }
+    near = tuple(Near(mistakes.catalogue()[name], share) for name, share in shares.items())
+    lines = guesses(Explanation(nearest=near))
+    assert lines[0] == "No known mistake explains all of this." and len(lines) == 3
+    assert lines[2] == f"- “{near[0].mistake.mistake}” (63 % of the squared error)"
+    assert len(guesses(Explanation(nearest=near[1:]))) == 1
 
 
 def test_command_says_what_is_missing(tmp_path):

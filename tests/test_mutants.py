@@ -11,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from building import ROOT
 from typer.testing import CliRunner
@@ -18,6 +19,7 @@ from typer.testing import CliRunner
 from raycheck.base.errors import PatchError
 from raycheck.calibration import mutants, payloads, trials
 from raycheck.commands.app import app
+from raycheck.judging import conventions, mistakes
 from raycheck.scene.techniques import technique
 
 CATALOGUE = {mutant.name: mutant for mutant in mutants.catalogue()}
@@ -39,6 +41,27 @@ def test_the_catalogue() -> None:
         assert (ROOT / f"scenes/{mutant.scene}.xml").is_file(), mutant.name
         assert mutant.variant is None or CATALOGUE[mutant.variant].catalogued, mutant.name
         assert not (mutant.variant and mutant.equivalent), mutant.name
+
+
+COMMON = (
+    "albedo-srgb", "lamps-black", "lamps-end-paths", "filter-shifted", "pixel-middle",
+    "filter-tent", "film-tone-mapped", "film-luminance", "film-white-balance", "total-reflection-absorbed",
+    "throughput-clamped", "indirect-clamped", "sphere-no-cosine", "light-choice-elsewhere",
+    "mis-choice-elsewhere", "visibility-ray-short", "visibility-ray-nearly", "sphere-dark-inside",
+    "sphere-back-dark", "twosided-back-dark", "mesh-light-mean-area", "disk-no-root", "disk-light-no-root",
+    "triangle-no-root", "hemisphere-uniform-angle", "cosine-uniform-angle", "rectangle-solid-angle-area-pdf",
+)  # fmt: skip
+"""Mistakes that people make often."""
+
+
+def test_what_is_often_done_wrong_can_be_named() -> None:
+    """Each has a signature in a scene that shows it; a wider filter also has the words of a convention."""
+    signed = mistakes.manifest()["mistakes"]
+    for name in COMMON:
+        assert CATALOGUE[name].catalogued and name in signed, name
+    said = " ".join(convention.words for convention, _ in conventions.pictures(np.ones((8, 8, 3))))
+    assert CATALOGUE["filter-gaussian"].catalogued and "a gaussian of" in said and "a tent of" in said
+    assert CATALOGUE["roulette-by-albedo"].equivalent, "any chance to survive is right, if it is divided by"
 
 
 def test_every_patch_applies() -> None:

@@ -100,6 +100,23 @@ def test_a_picture_that_is_gone_is_told() -> None:
     assert line == "no-such-scene nee auto was 0123456789abcdef, and is no picture today"
 
 
+def test_a_scene_that_was_never_measured_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the first entry were if it were not there."""
+    result = BY_FILE["signatures/manifest.json", "scenes"]
+    [first, *rest] = result.entries().items()
+    monkeypatch.setattr(stale.Result, "entries", lambda self: dict(rest))
+    assert result.stale() == {first[0]: ["it is not measured yet"]}
+
+
+@pytest.mark.parametrize("section", ["mutants", "naming"])
+def test_a_mistake_that_was_never_judged_is_told(section: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = BY_FILE["calibration.json", section]
+    entry = json.loads(json.dumps(result.entries()[section]))
+    del entry["provenance"]["pictures"]["mutant nee-no-cosine"]
+    monkeypatch.setattr(stale.Result, "entries", lambda self: {section: entry})
+    assert result.stale() == {section: ["mutant nee-no-cosine is not in it"]}
+
+
 def test_only_what_is_stale_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command gets the names of these scenes, and the others' figures stay to the letter."""
     result = BY_FILE["techniques.json", "scenes"]
@@ -137,6 +154,30 @@ def test_only_what_is_stale_is_measured(tmp_path: Path, monkeypatch: pytest.Monk
         '  {"scene": "cornell-box", "provenance": {}, "techniques": [',
         "   ]},",
     }
+
+
+def test_what_is_measured_for_the_first_time_gets_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = json.loads((data.references_dir() / "techniques.json").read_text(encoding="utf-8"))
+    names = [entry["scene"] for entry in kept["scenes"]]
+    result = replace(BY_FILE["techniques.json", "scenes"], all=lambda: names)
+    kept["scenes"] = [entry for entry in kept["scenes"] if entry["scene"] != "caustic"]
+    (tmp_path / result.file).write_text(json.dumps(kept), encoding="utf-8")
+
+    class Done:
+        returncode = 0
+
+    def measured(words: list[str], cwd: Path, check: bool) -> Done:
+        fresh = {"scene": "caustic", "techniques": [], "provenance": {}}
+        Path(words[-1]).write_text(json.dumps({"scenes": [fresh]}), encoding="utf-8")
+        return Done()
+
+    monkeypatch.setattr(stale, "REFERENCES", tmp_path)
+    monkeypatch.setattr(stale.subprocess, "run", measured)
+    stale.measure(result, ["caustic"])
+    now = json.loads((tmp_path / result.file).read_text(encoding="utf-8"))
+    assert [entry["scene"] for entry in now["scenes"]] == names
 
 
 @pytest.mark.parametrize("result", [one for one in stale.RESULTS if one.text], ids=lambda one: one.file)

@@ -11,7 +11,9 @@ from raycheck.truth.expected import Truth
 SIGNS = np.where(np.arange(64) % 2, 1.0, -1.0)
 
 
-def truth(mean: float | np.ndarray = 1.0, variance: float = 0.0, sample_variance: float = 1.0) -> Truth:
+def truth(
+    mean: float | np.ndarray = 1.0, variance: float = 0.0, sample_variance: float | np.ndarray = 1.0
+) -> Truth:
     """Four tiles."""
     of = (np.broadcast_to(x, (16, 16, 3)).astype(float) for x in (mean, variance, sample_variance))
     return Truth(*of, {}, 64, False)
@@ -40,6 +42,21 @@ def test_tiles_that_look_calm_are_as_noisy_as_the_rest() -> None:
     found = tile_errors.errors_of_means("a", means(np.array([0.01, 0.2, 0.2, 0.8]), 8), truth())
     one = 8 / 7 / 8
     expected = np.array([0.04, 0.04, 0.04, 0.64]) * one
+    np.testing.assert_allclose(found.variance, np.repeat(expected[:, None], 3, axis=1))
+
+
+def test_tiles_that_no_image_reached_are_not_noiseless() -> None:
+    """All images miss the light in tile 0, where the reference's samples vary; tile 3 cannot vary."""
+    varies = np.ones((16, 16, 3))
+    varies[8:, 8:] = 0
+    of = truth(sample_variance=varies)
+    found = tile_errors.errors_of_means("a", means(np.array([0.0, 0.2, 0.2, 0.0]), 8), of)
+    expected = np.array([0.04, 0.04, 0.04, 0.0]) / 7
+    np.testing.assert_allclose(found.variance, np.repeat(expected[:, None], 3, axis=1))
+    pixels = np.ones((1, 16, 16, 3))
+    pixels[0, :8, 8:] += 0.2 * SIGNS[:8, None, None]
+    found = tile_errors.tile_errors("a", pixels, of)
+    expected = np.array([0.04, 0.04, 0.04, 0.0]) / 64
     np.testing.assert_allclose(found.variance, np.repeat(expected[:, None], 3, axis=1))
 
 

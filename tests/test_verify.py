@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import raycheck
 from raycheck.base.errors import NotFound, ReferenceError_, RenderError
 from raycheck.base.images import encode_srgb, load_image, write_exr, write_pfm, write_png
-from raycheck.judging import judge_renderer, repeated
+from raycheck.judging import judge_renderer, repeated, sentences
 from raycheck.judging import verify as verify_module
 from raycheck.judging.settings import PILOT_SPP
 from raycheck.renderers.commands import Command, split_command
@@ -170,6 +171,68 @@ def test_clamped():
     case = judged(lambda *a: np.minimum(right(*a), 1.0), "cornell-box")
     assert case.verdict is Outcome.FAIL
     assert "clamped at 1" in case.reason
+
+
+SLOPE = np.linspace(0.2, 1.06, 64)[:, None, None]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "fails"),
+    [
+        (lambda right: right * SLOPE, True),  # a cosine squared: 37 % too dark
+        (lambda right: right * [0.9, 0.6, 0.7], True),  # albedos decoded as sRGB
+        (lambda right: np.where(SLOPE < 0.5, right, 0.9 * right.mean(axis=1, keepdims=True)), True),  # a bad
+        # dimension of points that are otherwise even
+        (lambda right: gaussian_filter(np.minimum(right, 2 * right.mean()), (2, 2, 0)), True),  # a denoiser
+    ],
+)
+def test_what_is_calmer_is_not_called_clamped(truth, wrong, fails):
+    """Bright samples are missing where their values show it: less noise has many other reasons."""
+    right = noisy(truth, noise=2.0)
+    case = judged(lambda *a: wrong(right(*a)))
+    assert case.verdict is Outcome.FAIL and "clamped" not in case.reason
+
+
+def test_even_samples_are_not_called_clamped(truth):
+    """A stratified sampler: right, with a twentieth of the variance."""
+    case = judged(noisy(truth, noise=0.1))
+    assert case.verdict is Outcome.PASS
+
+
+def test_clamped_samples_are_shown_by_their_values(truth):
+    """One sample in ten has all the light, and none more than a firefly may."""
+    most = 6 * truth.max()
+
+    def render(scene, spp, seed):
+        rng = np.random.default_rng(seed)
+        shape = (spp, *truth.shape[:2], 1)
+        samples = 10 * (rng.random(shape) < 0.1) * rng.exponential(size=shape)
+        return np.minimum(truth * samples, most).mean(axis=0)
+
+    case = judged(render)
+    assert case.verdict is Outcome.FAIL
+    assert f"bright samples are clamped at {most:.4g}" in case.reason
+
+
+def test_sentence_and_table_are_of_one_channel_and_one_level(truth):
+    """Bright in red on the left and dark in blue on the right, as no convention has it: the sentence has the
+    channel and the figures that stand in the table, and says nothing of the picture as a whole beside them.
+    """
+    left = np.linspace(1, 0, 64)[None, :, None]
+    wrong = truth * (1 + 0.3 * left**2 * [1, 0, 0] - 0.2 * (1 - left) ** 3 * [0, 0, 1])
+    case = judged(noisy(wrong, noise=0.1))
+    assert case.verdict is Outcome.FAIL
+    said = f"the image as a whole is {sentences.amount(case.bias, case.bias_low, case.bias_high)}"
+    assert said in case.reason and case.reason.count("the image") == 1 and "everything" not in case.reason
+    of = {"red": 0, "green": 1, "blue": 2}[case.channel]
+    mean = (wrong - truth).mean(axis=(0, 1))[of] / truth.mean(axis=(0, 1))[of]
+    assert case.bias == pytest.approx(mean, abs=1e-3)
+
+
+def test_channels_that_differ_by_a_third_have_no_factor_together(truth):
+    case = judged(noisy(truth * [1.33, 1.0, 0.75], noise=0.1))
+    assert re.match(r"everything is 33 % ± [\d.]+ % too bright in red, right in green, 25 % ±", case.reason)
+    assert "as a whole" not in case.reason
 
 
 def test_nan_is_counted_and_located(truth):

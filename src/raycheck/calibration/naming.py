@@ -20,7 +20,7 @@ from raycheck.judging.looks import Look, look_at_means
 from raycheck.judging.mistakes import catalogue, load, scenes
 from raycheck.truth.provenance import provenance
 
-METHOD = 2
+METHOD = 3
 """Version of how mistakes are named, see truth.provenance."""
 SAME = 0.15
 """Relative difference of signatures below which two mistakes look the same."""
@@ -36,14 +36,17 @@ def summary(work: Path, wanted: Sequence[Mutant]) -> dict[str, object]:
     """Counts, and every case that went wrong: by all complete scenes, and by the one that shows it."""
     found = {(p.mutant.name, p.scene): seen(work, p) for p in pairs(wanted) if p.scene in scenes()}
 
+    def shown(mutant: Mutant, by: Sequence[str]) -> list[str]:
+        return [scene for scene in by if found.get((mutant.name, scene)) is not None]
+
     def told(mutant: Mutant, by: Sequence[str], without: Sequence[str] = ()) -> Explanation | None:
         looks = [one for scene in by if (one := found.get((mutant.name, scene))) is not None]
         return explain(looks, without) if any(one.differs for one in looks) else None
 
     return {
         "provenance": provenance(METHOD, {name for pair in pairs(wanted) for name in pair.rests_on}),
-        "all scenes": _counts(wanted, lambda m, w=(): told(m, COMPLETE, w), lambda m: COMPLETE),
-        "one image": _counts(wanted, lambda m, w=(): told(m, [m.scene], w), lambda m: [m.scene]),
+        "all scenes": _counts(wanted, lambda m, w=(): told(m, COMPLETE, w), lambda m: shown(m, COMPLETE)),
+        "one image": _counts(wanted, lambda m, w=(): told(m, [m.scene], w), lambda m: shown(m, [m.scene])),
     }
 
 

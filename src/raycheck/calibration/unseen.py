@@ -27,6 +27,7 @@ from raycheck.base.files import write_whole
 from raycheck.calibration import mutants
 from raycheck.calibration.lines import append_lines, read_lines
 from raycheck.calibration.mutants import Mutant
+from raycheck.judging import sentences
 from raycheck.judging.verify import verify
 from raycheck.scene import export, variants
 from raycheck.scene.techniques import technique
@@ -38,8 +39,8 @@ METHOD = 1
 """Version of how they are judged, see truth.provenance."""
 CONFIDENCE = 0.95
 """Of Clopper's and Pearson's interval of the share of false sentences."""
-SECONDS = 4.0
-"""What the samples of a case may take."""
+SPP = {"renderer": 8, "oneray": 32}
+"""Samples per pixel of each image, whatever the machine is busy with; oneray renders as many in less time."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +141,8 @@ def rests_on(one: Unseen) -> list[str]:
 
 
 def judge(one: Unseen, spp: int | None = None) -> dict[str, Any]:
-    """Verdict and sentence by the scene that shows it, in SECONDS or by images of `spp` samples per pixel."""
-    [case] = verify(command(one), [one.scene], spp=spp, seconds=None if spp else SECONDS).cases
+    """Verdict and sentence by the scene that shows it, by images of `spp` samples per pixel or as of SPP."""
+    [case] = verify(command(one), [one.scene], spp=spp or SPP[one.source]).cases
     return {
         "name": one.name, "half": one.half, "source": one.source, "scene": one.scene,
         "verdict": case.verdict.value, "said": case.reason, "digest": digest(one),
@@ -158,16 +159,9 @@ def measure(file: Path, wanted: Sequence[Unseen]) -> Iterator[dict[str, Any]]:
             yield found
 
 
-WHERE = re.compile(r"the image as a whole is|(all )?\d+ (of \d+ )?tiles differ|no single tile is far off")
-"""How a sentence begins that says where a picture differs, and not by what."""
-
-
 def named(said: str) -> str:
     """What a FAIL's sentence names, its figures left out; empty where it names nothing."""
-    told = re.sub(r" \((by chance )?correct renderers [^()]*\)", "", said)
-    if WHERE.match(told):
-        told = "".join(re.findall(r"; ((?:it looks like|bright samples are) .*)", told))
-    return re.sub(r"\d+(\.\d+)?", "#", told)
+    return re.sub(r"\d+(\.\d+)?", "#", sentences.by_what(said))
 
 
 def summary(file: Path, wanted: Sequence[Unseen]) -> dict[str, object]:

@@ -26,6 +26,8 @@ beyond chance.
 """
 LAMP, FEWEST_CAPPED = 4.0, 32
 """Share of a cap from which a pixel may show a lamp; samples that end at it, in half as many pixels."""
+CURVED = 0.1
+"""By how much values below a cap may be off where it only cuts what is brighter."""
 OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
 """Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
 
@@ -178,8 +180,13 @@ def another_picture(few: Array, spp: int, many: Array, more: int) -> str | None:
 
 
 def clamped(images: Array, reference: Array, reference_variance: Array) -> str | None:
-    """No value of any image above a cap that the reference's mean exceeds: no noise can do that."""
+    """No value of any image above a cap that the reference's mean exceeds: no noise can do that. A tone curve
+    ends at its white too, but changes what is darker.
+    """
     cap = float(images.max())
+    darker = (reference > cap / 8) & (reference < cap / 2)
+    if darker.any() and abs(np.median(images.mean(axis=0)[darker] / reference[darker]) - 1) > CURVED:
+        return None
     excess = reference - 6 * np.sqrt(reference_variance) > cap * 1.005
     at_cap = int((images >= cap * (1 - 1e-6)).sum())
     if cap <= 0 or not excess.any() or at_cap < max(len(images), 2) or abs(cap - round(cap)) > 0.004:

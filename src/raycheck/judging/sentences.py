@@ -180,6 +180,18 @@ def _failure(found: Judgement, regions: list[Tile], height: int, width: int) -> 
     return "; ".join(parts)
 
 
+WHERE = re.compile(r"the image as a whole is|(all )?\d+ (of \d+ )?tiles differ|no single tile is far off")
+"""How a sentence begins that says where a picture differs, and not by what."""
+NAMED = re.compile(r"; ((?:it looks like|bright samples are) .*)")
+"""How one goes on that says by what after all."""
+
+
+def by_what(said: str) -> str:
+    """What a FAIL's sentence says is wrong; empty where it only says where."""
+    told = re.sub(r" \((by chance )?correct renderers [^()]*\)", "", said)
+    return "".join(NAMED.findall(told)) if WHERE.match(told) else told
+
+
 def odds(p: float, who: str = "correct renderers") -> str:
     """How rarely chance alone looks like this."""
     if p < 1e-15:

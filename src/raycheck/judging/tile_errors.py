@@ -42,7 +42,7 @@ class TileErrors:
 
 def tile_errors(scene: str, images: Array, truth: Truth) -> TileErrors:
     """The errors of images (B ≥ 1, H, W, 3). The noise of a single one is taken from how its pixels differ
-    within tiles.
+    within tiles, and in tiles where they do not from the others.
     """
     tiles = grid(*truth.shape)
     if len(images) > 1:
@@ -52,22 +52,26 @@ def tile_errors(scene: str, images: Array, truth: Truth) -> TileErrors:
         rest[tile.window] -= rest[tile.window].mean(axis=(0, 1))
     own = region_variances(rest**2, tiles)
     alike = _correlation(rest.reshape(-1, 1, 3), len(tiles))
+    own = np.where(own > 0, own, _as_noisy_as_the_rest(own, truth))
     return _tile_errors(scene, region_means(images[0], tiles), own, alike, truth)
 
 
 def errors_of_means(scene: str, means: Array, truth: Truth) -> TileErrors:
     """The errors of images from their means (B > 1, T, 3) over the tiles.
 
-    A few images that missed rare bright samples look calmer than they are: no tile's noise is taken to be
-    less than the reference's renderer would have there with as many samples, by the median over the tiles.
+    A few images that missed rare bright samples, or all light, look calmer than they are: no tile's noise is
+    taken to be less than the reference's renderer would have there with as many samples.
     """
-    own = means.var(axis=0, ddof=1) / len(means)
-    one = region_variances(truth.sample_variance, grid(*truth.shape))
-    noisy = (own > 0) & (one > 0)
-    if noisy.any():
-        own = np.maximum(own, np.where(own > 0, one * np.median(own[noisy] / one[noisy]), 0.0))
+    own = _as_noisy_as_the_rest(means.var(axis=0, ddof=1) / len(means), truth)
     alike = _correlation(means - means.mean(axis=0), means.shape[1])
     return _tile_errors(scene, means.mean(axis=0), own, alike, truth)
+
+
+def _as_noisy_as_the_rest(own: Array, truth: Truth) -> Array:
+    """The variance (T, 3) of tiles; none is below that of the reference's samples times the median ratio."""
+    one = region_variances(truth.sample_variance, grid(*truth.shape))
+    noisy = (own > 0) & (one > 0)
+    return np.maximum(own, one * np.median(own[noisy] / one[noisy])) if noisy.any() else own
 
 
 def _correlation(rest: Array, tiles: int) -> Array:
