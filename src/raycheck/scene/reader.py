@@ -242,6 +242,8 @@ def _place_parts(root: Element) -> None:
         fail(lamps[0], f'the emitter "{lamps[0].get("id")}" is that of two shapes, and each needs its own')
     for element in list(root):
         unplaced = element.tag == "emitter" and element.get("type") == "area" and "id" in element.attrib
+        if unplaced:
+            _area_light(element)
         if unplaced or element.tag in PARTS[1:]:
             root.remove(element)
 
