@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from raycheck.base.errors import ReferenceError_
 from raycheck.scene.materials import TEXTURED, all_fields
 
 Row = Mapping[str, Any]
@@ -154,8 +155,25 @@ def _rust_name(name: str) -> str:
     return "kind" if name == "type" else name  # a keyword
 
 
+_CORNERS = ("top_left", "top_right", "bottom_left", "bottom_right")
+_SAID_OF_SCENE = {
+    "scene", "needs", "max_depth", "roulette_depth", "hide_emitters", "camera", "materials", "primitives",
+    "lights", "sky",
+}  # fmt: skip
+_SAID_OF_CAMERA = {"width", "height", "origin", *_CORNERS, "near_clip", "far_clip"}
+
+
+def _check(data: Mapping[str, Any]) -> None:
+    """ReferenceError_ where the data have more than constants and words say."""
+    camera = [f"camera's {name}" for name in data["camera"] if name not in _SAID_OF_CAMERA]
+    for name in [name for name in data if name not in _SAID_OF_SCENE] + camera:
+        what = name.replace("_", " ")
+        raise ReferenceError_(f"scene {data['scene']}: its {what} can only be written --as json")
+
+
 def source(data: Mapping[str, Any], language: Language) -> str:
-    """Constants of the scene in that language."""
+    """Constants of the scene in that language; ReferenceError_ if that cannot say all of it."""
+    _check(data)
     heads = [
         f"{language.comment} Scene {data['scene']}: {', '.join(data['needs'])}.",
         f"{language.comment} Directions to the image's corners are interpolated, then normalised.",
@@ -171,7 +189,7 @@ def source(data: Mapping[str, Any], language: Language) -> str:
     ] + [
         language.constant(name, VECTOR, language.value(value, VECTOR))
         for name, value in (
-            *((n, camera[n]) for n in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")),
+            *((n, camera[n]) for n in ("origin", *_CORNERS)),
             ("sky", data["sky"]),
         )
     ] + [
@@ -201,7 +219,10 @@ def source(data: Mapping[str, Any], language: Language) -> str:
 
 
 def text(data: Mapping[str, Any]) -> str:
-    """The scene as numbers and words that people can type in."""
+    """The scene as numbers and words that people can type in; ReferenceError_ if those cannot say all of
+    it.
+    """
+    _check(data)
     camera = data["camera"]
     lines = [
         f"scene {data['scene']}",
@@ -213,7 +234,7 @@ def text(data: Mapping[str, Any]) -> str:
     ]
     lines += [
         f"  {name.replace('_', ' '):13}{_words(camera[name])}"
-        for name in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")
+        for name in ("origin", *_CORNERS)
     ]
     clips = " to ".join(_words(camera[name]) for name in ("near_clip", "far_clip"))
     lines.append(f"the camera sees what is {clips} deep along the view")
