@@ -744,3 +744,26 @@ def test_the_text_says_what_the_json_says(path: Path) -> None:
     assert f"depth: {data['max_depth']} " in told and f"at {data['roulette_depth']}" in told
     assert f"{camera['near_clip']:.9g} to {camera['far_clip']:.9g} deep" in told
     assert ("does not see" in told) is data["hide_emitters"]
+
+
+FILTERED = BASE.replace('<rfilter type="box"/>', '<rfilter type="gaussian"/>')
+
+
+@pytest.mark.parametrize("form", ["cpp", "rust", "text"])
+def test_what_constants_and_words_do_not_say_is_refused(form: str, tmp_path: Path) -> None:
+    """A filter, which the JSON has; nothing is left out without a word."""
+    (tmp_path / "s.xml").write_text(FILTERED, encoding="utf-8")
+    assert "filter" in export.export(variants.Variant(tmp_path / "s.xml"))["camera"]
+    command = [sys.executable, "-m", "raycheck", "scene", str(tmp_path / "s.xml"), "--as", form]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "raycheck: scene s: its camera's filter can only be written --as json\n"
+
+
+def test_so_is_what_nobody_thought_of() -> None:
+    data = export.export(variants.variant("point-light"))
+    code.text(data)
+    for more in ({**data, "fog": 1}, {**data, "camera": {**data["camera"], "shutter": 1}}):
+        for write in (code.text, lambda d: code.source(d, code.CPP)):
+            with pytest.raises(ReferenceError_, match="can only be written --as json"):
+                write(more)

@@ -117,6 +117,20 @@ def test_a_mistake_that_was_never_judged_is_told(section: str, monkeypatch: pyte
     assert result.stale() == {section: ["mutant nee-no-cosine is not in it"]}
 
 
+def pretend_to_measure(monkeypatch: pytest.MonkeyPatch, folder: Path, fresh: dict[str, object]) -> None:
+    """Results are in the folder, and whatever command is run measures this scene."""
+
+    class Done:
+        returncode = 0
+
+    def measured(words: list[str], cwd: Path, check: bool) -> Done:
+        Path(words[-1]).write_text(json.dumps({"scenes": [fresh]}), encoding="utf-8")
+        return Done()
+
+    monkeypatch.setattr(stale, "REFERENCES", folder)
+    monkeypatch.setattr(stale.subprocess, "run", measured)
+
+
 def test_only_what_is_stale_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command gets the names of these scenes, and the others' figures stay to the letter."""
     result = BY_FILE["techniques.json", "scenes"]
@@ -132,15 +146,7 @@ def test_only_what_is_stale_is_measured(tmp_path: Path, monkeypatch: pytest.Monk
 
     (tmp_path / result.file).write_text(result.path.read_text(encoding="utf-8"), encoding="utf-8")
 
-    class Done:
-        returncode = 0
-
-    def measured(words: list[str], cwd: Path, check: bool) -> Done:
-        Path(words[-1]).write_text(json.dumps({"scenes": [fresh]}), encoding="utf-8")
-        return Done()
-
-    monkeypatch.setattr(stale, "REFERENCES", tmp_path)
-    monkeypatch.setattr(stale.subprocess, "run", measured)
+    pretend_to_measure(monkeypatch, tmp_path, fresh)
     stale.measure(result, ["cornell-box"])
     now = json.loads((tmp_path / result.file).read_text(encoding="utf-8"))
     for old, new in zip(kept["scenes"], now["scenes"], strict=True):
@@ -165,16 +171,7 @@ def test_what_is_measured_for_the_first_time_gets_its_place(
     kept["scenes"] = [entry for entry in kept["scenes"] if entry["scene"] != "caustic"]
     (tmp_path / result.file).write_text(json.dumps(kept), encoding="utf-8")
 
-    class Done:
-        returncode = 0
-
-    def measured(words: list[str], cwd: Path, check: bool) -> Done:
-        fresh = {"scene": "caustic", "techniques": [], "provenance": {}}
-        Path(words[-1]).write_text(json.dumps({"scenes": [fresh]}), encoding="utf-8")
-        return Done()
-
-    monkeypatch.setattr(stale, "REFERENCES", tmp_path)
-    monkeypatch.setattr(stale.subprocess, "run", measured)
+    pretend_to_measure(monkeypatch, tmp_path, {"scene": "caustic", "techniques": [], "provenance": {}})
     stale.measure(result, ["caustic"])
     now = json.loads((tmp_path / result.file).read_text(encoding="utf-8"))
     assert [entry["scene"] for entry in now["scenes"]] == names

@@ -160,17 +160,28 @@ def _rust_name(name: str) -> str:
     return "kind" if name == "type" else name  # a keyword
 
 
-ONLY_JSON = ("bitmap", "environment map")
-"""What a scene may need that constants and words do not say: pictures."""
+_CORNERS = ("top_left", "top_right", "bottom_left", "bottom_right")
+_SAID_OF_SCENE = {
+    "scene", "needs", "max_depth", "roulette_depth", "hide_emitters", "camera", "materials", "primitives",
+    "lights", "sky",
+}  # fmt: skip
+_SAID_OF_CAMERA = {
+    "width", "height", "origin", *_CORNERS, "near_clip", "far_clip", "direction", "lens", "filter",
+}  # fmt: skip
 
 
 def _check(data: Mapping[str, Any]) -> None:
-    if any(word in ONLY_JSON for word in data["needs"]):
-        raise ReferenceError_(f"scene {data['scene']}: its pictures can only be written --as json")
+    """ReferenceError_ where the data have more than constants and words say."""
+    more = [name for name in data if name not in _SAID_OF_SCENE]
+    more += [f"camera's {name}" for name in data["camera"] if name not in _SAID_OF_CAMERA]
+    more += ["bitmap"] if "bitmap" in data["needs"] else []
+    for name in more:
+        what = name.replace("_", " ")
+        raise ReferenceError_(f"scene {data['scene']}: its {what} can only be written --as json")
 
 
 def source(data: Mapping[str, Any], language: Language) -> str:
-    """Constants of the scene in that language; ReferenceError_ if that cannot say what it needs."""
+    """Constants of the scene in that language; ReferenceError_ if that cannot say all of it."""
     _check(data)
     heads = [
         f"{language.comment} Scene {data['scene']}: {', '.join(data['needs'])}.",
@@ -187,7 +198,7 @@ def source(data: Mapping[str, Any], language: Language) -> str:
     ] + [
         language.constant(name, VECTOR, language.value(value, VECTOR))
         for name, value in (
-            *((n, camera[n]) for n in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")),
+            *((n, camera[n]) for n in ("origin", *_CORNERS)),
             ("sky", data["sky"]),
         )
     ] + [
@@ -235,8 +246,8 @@ def _more(camera: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
 
 
 def text(data: Mapping[str, Any]) -> str:
-    """The scene as numbers and words that people can type in; ReferenceError_ if they cannot say what it
-    needs.
+    """The scene as numbers and words that people can type in; ReferenceError_ if those cannot say all of
+    it.
     """
     _check(data)
     camera = data["camera"]
@@ -255,7 +266,7 @@ def text(data: Mapping[str, Any]) -> str:
     ]
     lines += [
         f"  {name.replace('_', ' '):13}{_words(camera[name])}"
-        for name in ("origin", "top_left", "top_right", "bottom_left", "bottom_right")
+        for name in ("origin", *_CORNERS)
     ]
     lines += [
         f"  {name.replace('_', ' '):15}{_words(value)}"
