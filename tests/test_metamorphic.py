@@ -35,7 +35,7 @@ EVERY = {
 """All scenes: the canonical ones by their names, others by their places."""
 EMISSION = {
     "area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
-    "directional": "irradiance",
+    "directional": "irradiance", "envmap": "scale",
 }  # fmt: skip
 BEYOND = 5.5
 BLACK = {
@@ -71,7 +71,8 @@ def emissions(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
     for emitter in root.iter("emitter"):
         name = EMISSION[emitter.get("type", "")]
         said = next((child for child in emitter if child.get("name") == name), None)
-        yield ElementTree.SubElement(emitter, "rgb", name=name, value="1") if said is None else said
+        tag = "float" if name == "scale" else "rgb"
+        yield ElementTree.SubElement(emitter, tag, name=name, value="1") if said is None else said
 
 
 def scale_light(root: ElementTree.Element, factor: float, only: int | None = None) -> None:
@@ -205,8 +206,16 @@ def mirror(root: ElementTree.Element, folder: Path) -> None:
     for emitter in root.iter("emitter"):
         for vector in (*emitter.findall("point"), *emitter.findall("vector")):
             set_x(vector, "value")
+        if emitter.get("type") == "envmap" and emitter.find("transform") is None:
+            ElementTree.SubElement(emitter, "transform", name="to_world")
         for transform in emitter.findall("transform"):
             ElementTree.SubElement(transform, "scale", flip)
+    sizes = {one.get("name"): one for one in root.iterfind("./sensor/film/integer")}
+    if "crop_offset_x" in sizes:
+        width, left, crop = (int(sizes[n].get("value", "")) for n in ("width", "crop_offset_x", "crop_width"))
+        sizes["crop_offset_x"].set("value", str(width - left - crop))
+    for aside in root.iterfind("./sensor/float[@name='principal_point_offset_x']"):
+        aside.set("value", repr(-float(aside.get("value", ""))))
     for lookat in root.iterfind("./sensor/transform/lookat"):
         for name in ("origin", "target", "up"):
             set_x(lookat, name)

@@ -22,7 +22,7 @@ WRONG = {
     "materials": '<shape type="sphere">\n<bsdf type="velvet"/></shape>',
     "textures": '<shape type="disk">\n<bsdf type="diffuse">'
     '<texture type="wood" name="reflectance"/></bsdf></shape>',
-    "environment": '<emitter type="envmap"><string name="filename" value="sky.exr"/></emitter>',
+    "environment": '<emitter type="sunsky"/>',
     "media": '<medium type="homogeneous" id="fog"/><shape type="cube"><ref id="fog"/></shape>',
     "missing files": '<shape type="obj"><string name="filename" value="gone.obj"/></shape>',
     "other": '<shape type="teapot"/>',

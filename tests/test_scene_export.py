@@ -746,18 +746,18 @@ def test_the_text_says_what_the_json_says(path: Path) -> None:
     assert ("does not see" in told) is data["hide_emitters"]
 
 
-FILTERED = BASE.replace('<rfilter type="box"/>', '<rfilter type="gaussian"/>')
-
-
 @pytest.mark.parametrize("form", ["cpp", "rust", "text"])
-def test_what_constants_and_words_do_not_say_is_refused(form: str, tmp_path: Path) -> None:
-    """A filter, which the JSON has; nothing is left out without a word."""
-    (tmp_path / "s.xml").write_text(FILTERED, encoding="utf-8")
-    assert "filter" in export.export(variants.Variant(tmp_path / "s.xml"))["camera"]
+@pytest.mark.parametrize("name, what", [("sky-of-a-picture", "sky map"), ("picture-on-a-pane", "bitmap")])
+def test_what_constants_and_words_do_not_say_is_refused(
+    form: str, name: str, what: str, tmp_path: Path
+) -> None:
+    """Pictures, which the JSON has; nothing is left out without a word."""
+    (tmp_path / "s.xml").write_text(RENDERED[name], encoding="utf-8")
+    export.export(variants.Variant(tmp_path / "s.xml"))
     command = [sys.executable, "-m", "raycheck", "scene", str(tmp_path / "s.xml"), "--as", form]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "raycheck: scene s: its camera's filter can only be written --as json\n"
+    assert done.stderr == f"raycheck: scene s: its {what} can only be written --as json\n"
 
 
 def test_so_is_what_nobody_thought_of() -> None:

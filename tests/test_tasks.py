@@ -135,10 +135,10 @@ def test_a_scene_of_ones_own(tmp_path: Path, by: str) -> None:
 def test_what_no_reference_can_be_made_of(tmp_path: Path) -> None:
     """One line, exit status 2, nothing left behind."""
     broken = tmp_path / "broken.xml"
-    broken.write_text('<scene version="3.0.0"><shape type="cylinder"/></scene>')
+    broken.write_text('<scene version="3.0.0"><shape type="bsplinecurve"/></scene>')
     for arguments, message in (
         (["nowhere.xml"], "no scene 'nowhere.xml'"),
-        ([broken, "--by", "oneray"], '<shape type="cylinder"'),
+        ([broken, "--by", "oneray"], '<shape type="bsplinecurve"'),
         (["furnace", "-Dcolour=1"], "has no parameter colour"),
         (["furnace", "-Ddepth"], "-Dname=value is wanted"),
     ):

@@ -75,10 +75,11 @@ const Image *image_of(Images *images, File *file, bool raw)
         image->file = file->name;
         image->raw = raw;
         (is_openexr(file) ? openexr_read : read_other)(file, image);
-        for (size_t i = 0; i < 3 * (size_t)image->width * (size_t)image->height; i++)
-            if (!isfinite(image->value[0][i]))
-                die("%s: pixel (%zu, %zu) is infinite or not a number", file->name, i / 3 % (size_t)image->width,
-                    i / 3 / (size_t)image->width);
+        for (size_t i = 0; i < (size_t)image->width * (size_t)image->height; i++)
+            for (int c = 0; c < 3; c++)
+                if (!isfinite(image->value[i][c]))
+                    die("%s: pixel (%zu, %zu) is infinite or not a number", file->name, i % (size_t)image->width,
+                        i / (size_t)image->width);
     }
     free(file->bytes);
     file->bytes = NULL;

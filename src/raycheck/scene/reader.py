@@ -190,6 +190,9 @@ def read_scene(path: Path, parameters: Mapping[str, str] | None = None) -> Scene
     _place_parts(root)
     materials = _Materials(root, said.file)
     max_depth, roulette_depth, hide_emitters = _integrator(only(root, "integrator"))
+    pane = root.find(".//bsdf[@type='thindielectric']") if hide_emitters else None
+    if pane is not None:  # Mitsuba shows a light straight behind it at some depths
+        fail(pane, f'{described(pane)} is not supported with "hide_emitters" true')
     sensor = document.sensor(root)
     if sensor is None:
         fail(root, '<scene> needs a <sensor type="perspective">')
