@@ -11,7 +11,7 @@ import pytest
 from floors import Sampled, above, evaluated, mitsubas, polar
 from sampling import Array, Driver, directions, uniforms
 
-from raycheck.scene.materials import diffuse_fresnel
+from raycheck.scene.coats import diffuse_fresnel
 
 COLOUR, TINT = np.array([0.8, 0.5, 0.1]), np.array([0.9, 0.6, 1.0])
 IORS = (1.49, 0.7)

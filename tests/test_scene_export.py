@@ -275,6 +275,23 @@ RENDERED = {
         '<bsdf type="roughdielectric"><string name="distribution" value="ggx"/>'
         '<float name="alpha_u" value=".1"/><float name="alpha_v" value=".6"/></bsdf>'
     ),
+    "beckmanns-metal": with_ball(
+        '<bsdf type="roughconductor"><float name="alpha" value=".5"/>'
+        '<string name="material" value="Cu"/></bsdf>'
+    ),
+    "brushed-metal-of-beckmann": with_panes(
+        '<bsdf type="roughconductor"><float name="alpha_u" value=".2"/>'
+        '<float name="alpha_v" value=".7"/></bsdf>'
+    ),
+    "beckmanns-glass": with_ball('<bsdf type="roughdielectric"><float name="alpha" value=".4"/></bsdf>'),
+    "rough-plastic": with_ball(
+        '<bsdf type="roughplastic"><float name="alpha" value=".3"/><rgb name="diffuse_reflectance" '
+        'value=".9, .3, .1"/><boolean name="nonlinear" value="true"/></bsdf>'
+    ),
+    "rough-plastic-of-ggx": with_panes(
+        '<bsdf type="roughplastic"><string name="distribution" value="ggx"/><float name="int_ior" '
+        'value="1.9"/><rgb name="specular_reflectance" value=".4, 1, .7"/></bsdf>'
+    ),
     "plastic": with_ball(
         '<bsdf type="plastic"><rgb name="diffuse_reflectance" value=".9, .3, .1"/>'
         '<rgb name="specular_reflectance" value=".5, 1, 1"/></bsdf>'
@@ -510,8 +527,8 @@ SENSOR = '<float name="fov" value="40"/>'
          "with two bsdfs is not supported by raycheck"),
         (with_ball('<bsdf type="pplastic"/>'), 19, '<bsdf type="pplastic"> is not supported'),
         (with_ball('<medium name="interior" type="homogeneous"/>'), 19, "<medium> is not supported in"),
-        (with_ball('<bsdf type="roughconductor"><float name="alpha" value=".3"/></bsdf>'), 19,
-         'write <string name="distribution" value="ggx"/>'),
+        (with_ball('<bsdf type="roughplastic"><float name="alpha_u" value=".3"/></bsdf>'), 19,
+         "is rough alike in all directions"),
         (with_ball('<bsdf type="diffuse"><spectrum name="reflectance" value="400:.1"/></bsdf>'), 19,
          "<spectrum> needs pairs"),
         (with_ball('<bsdf type="diffuse"><texture name="reflectance" type="wood"/></bsdf>'), 19,

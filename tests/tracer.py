@@ -285,12 +285,37 @@ class Ggx:
         xy, z = self._local(w)
         return 2 / (1 + np.sqrt(1 + _dot(xy, xy * self.alphas**2) / z**2))
 
+    def steepness(self, x: Array) -> Array:
+        """tanθ/α of half vectors by D cosθ, from a uniform number each."""
+        return np.sqrt(x / (1 - x))
+
     def sample(self, x: Array, y: Array) -> Array:
         """Half vectors (N, 3) by D cosθ, from two uniform numbers each."""
-        slope, angle = np.sqrt(x / (1 - x)), 2 * np.pi * y
+        slope, angle = self.steepness(x), 2 * np.pi * y
         u, v, n = self.frame
         s, t = self.alphas[:, None] * slope * np.stack([np.cos(angle), np.sin(angle)])
         return _unit(s[:, None] * u + t[:, None] * v + n)
+
+
+class Beckmann(Ggx):
+    """Gaussian slopes; G1 by Mitsuba's fit."""
+
+    def density(self, h: Array) -> Array:
+        xy, z = self._local(h)
+        slope = _dot(xy, xy / self.alphas**2) / z**2
+        return np.exp(-slope) / (np.pi * np.prod(self.alphas) * z**4)
+
+    def shadowing(self, w: Array) -> Array:
+        xy, z = self._local(w)
+        a = z / np.sqrt(np.maximum(_dot(xy, xy * self.alphas**2), 1e-30))
+        return np.where(a < 1.6, (3.535 * a + 2.181 * a * a) / (1 + 2.276 * a + 2.577 * a * a), 1)
+
+    def steepness(self, x: Array) -> Array:
+        return np.sqrt(-np.log1p(-x))
+
+
+def facets_of(m: Any, alphas: tuple[float, float], frame: tuple[Array, Array, Array]) -> Ggx:
+    return (Beckmann if m["beckmann"] else Ggx)(alphas, frame)
 
 
 class Tracer:
@@ -503,14 +528,41 @@ class Tracer:
         colour = self._colour(m, "reflectance", which, p)
         return colour / (1 - m["internal"] * (colour if m["nonlinear"] else 1)) / m["eta"] ** 2
 
+    def _rough_plastic(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        base, tint = self._base(m, which, p), self._colour(m, "specular", which, p)
+        facets = facets_of(m, (m["alpha"],) * 2, (*_frame(n), n))
+
+        def through(w: Array) -> Array:
+            at = np.linspace(0, 1, len(m["coat_transmittance"]))
+            return np.interp(_dot(w, n), at, m["coat_transmittance"])[:, None]
+
+        def fresnel(h: Array) -> Array:
+            return fresnel_glass(np.clip(_dot(wo, h), 0, 1), np.array(m["eta"]))[0]
+
+        def f(wi: Array) -> Array:
+            h = _unit(wi + wo)
+            ci, co = (np.maximum(_dot(w, n), 1e-12) for w in (wi, wo))
+            g = facets.shadowing(wi) * facets.shadowing(wo)
+            coat = fresnel(h) * facets.density(h) * g / (4 * ci * co)
+            return tint * coat[:, None] + base / np.pi * through(wo) * through(wi)
+
+        light = self._points(which, p, n, f)
+        h, mirrors = facets.sample(*self.rng.random((2, len(p)))), self.rng.random((len(p), 1)) < 0.5
+        wi = np.where(mirrors, 2 * _dot(wo, h)[:, None] * h - wo, self._hemisphere(n))
+        above = (_dot(wi, n) > 0) & ((_dot(wo, h) > 0) | ~mirrors[:, 0])
+        g = facets.shadowing(wi) * facets.shadowing(wo)
+        share = (fresnel(h) * g * _dot(wo, h) / (_dot(wo, n) * _dot(h, n)))[:, None]
+        factor = np.where(mirrors, tint * share, base * through(wo) * through(wi))
+        return light, _unit(wi), np.where(above[:, None], 2 * factor, 0.0), True
+
     def _rough_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
-        return self._microfacets(m, Ggx((m["alpha"],) * 2, (*_frame(n), n)), which, p, wo)
+        return self._microfacets(m, facets_of(m, (m["alpha"],) * 2, (*_frame(n), n)), which, p, wo)
 
     def _anisotropic_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         _, along = self.shapes.coordinates(which, p)
         u = _unit(along - _dot(along, n)[:, None] * n)
-        ggx = Ggx((m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u), n))
-        return self._microfacets(m, ggx, which, p, wo)
+        facets = facets_of(m, (m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u), n))
+        return self._microfacets(m, facets, which, p, wo)
 
     def _rough_dielectric(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         return self._rough_glass(m, (m["alpha"],) * 2, _frame(n), which, p, wo, n)
@@ -527,8 +579,8 @@ class Tracer:
         assert not self.data["lights"]
         outside = _dot(wo, n) > 0
         n, ratio = np.where(outside[:, None], n, -n), np.where(outside, m["eta"], 1 / m["eta"])
-        ggx = Ggx(alphas, (*across, n))
-        h = ggx.sample(*self.rng.random((2, len(p))))
+        facets = facets_of(m, alphas, (*across, n))
+        h = facets.sample(*self.rng.random((2, len(p))))
         cosine = np.maximum(_dot(wo, h), 1e-12)
         share, beyond = fresnel_glass(cosine, ratio)
         reflects = self.rng.random(len(p)) < share
@@ -536,27 +588,28 @@ class Tracer:
         wi = np.where(reflects[:, None], 2 * cosine[:, None] * h - wo, through)
         side = np.where(reflects, 1, -1)
         kept = (_dot(wo, h) > 0) & (side * _dot(wi, n) > 0)
-        g = ggx.shadowing(wo) * ggx.shadowing(side[:, None] * wi)
+        g = facets.shadowing(wo) * facets.shadowing(side[:, None] * wi)
         weight = np.where(kept, g * cosine / (_dot(wo, n) * _dot(h, n)), 0.0)[:, None]
         tints = [self._colour(m, name, which, p) for name in ("reflectance", "transmittance")]
         factor = np.where(reflects[:, None], tints[0], tints[1] / ratio[:, None] ** 2)
         return 0.0, _unit(wi), factor * weight, True
 
-    def _microfacets(self, m: Any, ggx: Ggx, which: Array, p: Array, wo: Array) -> Any:
-        tint, n = self._colour(m, "reflectance", which, p), ggx.frame[2]
+    def _microfacets(self, m: Any, facets: Ggx, which: Array, p: Array, wo: Array) -> Any:
+        tint, n = self._colour(m, "reflectance", which, p), facets.frame[2]
         index = np.array(m["eta"]), np.array(m["k"])
 
         def f(wi: Array) -> Array:
             h = _unit(wi + wo)
             ci, co = (np.maximum(_dot(w, n), 1e-12) for w in (wi, wo))
-            g = ggx.shadowing(wi) * ggx.shadowing(wo)
-            return tint * fresnel_metal(_dot(wo, h), *index) * (ggx.density(h) * g / (4 * ci * co))[:, None]
+            g = facets.shadowing(wi) * facets.shadowing(wo)
+            d = facets.density(h) * g / (4 * ci * co)
+            return tint * fresnel_metal(_dot(wo, h), *index) * d[:, None]
 
         light = self._points(which, p, n, f)
-        h = ggx.sample(*self.rng.random((2, len(p))))
+        h = facets.sample(*self.rng.random((2, len(p))))
         wi = 2 * _dot(wo, h)[:, None] * h - wo
         above = (_dot(wi, n) > 0) & (_dot(wo, h) > 0)
-        g = ggx.shadowing(wi) * ggx.shadowing(wo)
+        g = facets.shadowing(wi) * facets.shadowing(wo)
         share = np.where(above, g * _dot(wo, h) / (_dot(wo, n) * _dot(h, n)), 0.0)[:, None]
         factor = tint * fresnel_metal(np.clip(_dot(wo, h), 0, 1), *index) * share
         return light, _unit(wi), factor, True

@@ -15,7 +15,7 @@
    sampled but not evaluated. A row of zeros is the first kind's, and black. A coat reflects light besides what the
    row's reflectance says; that of a smooth coat is a delta, which is sampled with the rest. */
 #define SMOOTH_COATS(X) X(PLASTIC, plastic, "plastic")
-#define COATS(X) SMOOTH_COATS(X)
+#define COATS(X) SMOOTH_COATS(X) X(ROUGHPLASTIC, roughplastic, "rough plastic")
 #define FINITE_MATERIALS(X)                                                                                  \
     X(DIFFUSE, diffuse, "diffuse")                                                                           \
     X(ROUGHCONDUCTOR, roughconductor, "rough conductor")                                                     \
@@ -84,6 +84,7 @@
     X(STACKS, stacks, "surfaces in one place")                                                                \
     X(UV, uv, "texture coordinates")                                                                         \
     X(ANISOTROPIC, anisotropic, "anisotropic roughness")                                                     \
+    X(BECKMANN, beckmann, "Beckmann's distribution")                                                         \
     X(FILTER, filter, "filter that is no pixel")
 
 /* VERTICES and PARTS, and the empty lists, are seams for what is to come: nothing of today sets them.

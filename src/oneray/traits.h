@@ -12,6 +12,7 @@ typedef struct {
     bool absorbs;                          /* part of the rest: a metal */
     const char *odd;                       /* why single precision may not do, or NULL */
     bool anisotropic;                      /* it looks different when it is turned about its normal */
+    bool beckmann;                         /* of its mirrors, if it has some */
     bool unbent;                           /* some light goes straight through */
 } MaterialTraits;
 

@@ -1,5 +1,6 @@
 /* P1 Microfacets: mirrors too small to be seen, turned this way and that, on a surface with the roughness alpha.
-   Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007, with their GGX distribution. */
+   Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007, with their GGX distribution and
+   Beckmann's. */
 #pragma once
 
 #include "fields.h"
@@ -10,11 +11,13 @@
 typedef struct {
     double alpha;            /* roughness: half of the mirrors are steeper than this slope */
     double alpha_u, alpha_v; /* once it is checked, the same along the surface's dp/du, and across that */
+    int distribution;        /* BECKMANN or GGX */
 } Microfacets;
+enum { BECKMANN, GGX };
 
 /* Of all plugins whose struct begins with Microfacets. */
 #define MICROFACET_FIELDS                                                                                    \
-    {"distribution", AS_WORD, NOWHERE, "ggx", "ggx"},                                                        \
+    {"distribution", AS_WORD, offsetof(Microfacets, distribution), "beckmann, ggx", "beckmann"},             \
     {"alpha", AS_FLOAT, offsetof(Microfacets, alpha), "[0,1000]", "0.1"},                                    \
     {"alpha_u", AS_FLOAT, offsetof(Microfacets, alpha_u), "[0,1000]", ""},                                   \
     {"alpha_v", AS_FLOAT, offsetof(Microfacets, alpha_v), "[0,1000]", ""},                                   \
@@ -23,8 +26,6 @@ typedef struct {
 static inline void microfacets_check(Microfacets *m, Said *said)
 {
     const Place *u = given(said, "alpha_u"), *v = given(said, "alpha_v");
-    if (!given(said, "distribution")) /* Mitsuba's default is beckmann */
-        fail(said, "<bsdf type=\"%s\">: write <string name=\"distribution\" value=\"ggx\"/>", said->type);
     if (!u != !v || (u && given(said, "alpha")))
         fail(said, "<bsdf type=\"%s\">: write alpha, or both alpha_u and alpha_v", said->type);
     m->alpha_u = fmax(u ? m->alpha_u : m->alpha, 1e-4); /* as Mitsuba */
@@ -43,18 +44,20 @@ static inline const char *microfacets_odd(const Microfacets *m)
 #include "materials/material.h"
 
 typedef struct {
-    Num u, v;
+    Num u, v, beckmann;
 } RoughnessRow;
 static inline void store_roughness(RoughnessRow *row, const Microfacets *m)
 {
     row->u = (Num)m->alpha_u;
     row->v = (Num)m->alpha_v;
+    row->beckmann = m->distribution == BECKMANN;
 }
 
 /* The roughness of a part; where some are anisotropic, along two unit vectors of the surface. */
 typedef struct {
     Real u, v;
     Vec along_u, along_v;
+    Mask beckmann;
 } Roughness;
 
 /* The tangents are dp/du less what lies along the shading normal, and across that, as Mitsuba's; any where it is 0. */
@@ -63,6 +66,8 @@ INLINE Roughness roughness_of(const Materials *materials, Index row, size_t plac
     const Num *numbers = materials->numbers + place;
     Roughness a;
     a.u = gather(numbers + ROW_AT(Roughness, u), row << materials->shift);
+    if (f.has & HAS_BECKMANN)
+        a.beckmann = gather(numbers + ROW_AT(Roughness, beckmann), row << materials->shift) > real(0);
     if (!(f.has & HAS_ANISOTROPIC))
         return a;
     a.v = gather(numbers + ROW_AT(Roughness, v), row << materials->shift);
@@ -73,34 +78,68 @@ INLINE Roughness roughness_of(const Materials *materials, Index row, size_t plac
     return a;
 }
 
-/* How long a unit vector w, which has the cosine c with the normal, is once all that is across that is shrunk by α:
-   α² sin²θ = α_u² x² + α_v² y². And, Smith's, 2 cosθ/G1(θ) = cosθ + √(cos²θ + α² sin²θ). */
-INLINE Real ggx_stretch(const Roughness *a, Vec w, Real c, Features f)
+/* α² sin²θ of a unit vector w, which has the cosine c with the normal: α_u² x² + α_v² y². */
+INLINE Real roughness_across(const Roughness *a, Vec w, Real c, Features f)
 {
-    Real across = a->u * a->u * ((real(1) - c) * (real(1) + c));
-    if (f.has & HAS_ANISOTROPIC) {
-        Real x = a->u * vec_dot(w, a->along_u), y = a->v * vec_dot(w, a->along_v);
-        across = x * x + y * y;
-    }
-    return real_sqrt(c * c + across);
+    if (!(f.has & HAS_ANISOTROPIC))
+        return a->u * a->u * ((real(1) - c) * (real(1) + c));
+    Real x = a->u * vec_dot(w, a->along_u), y = a->v * vec_dot(w, a->along_v);
+    return x * x + y * y;
 }
 
-/* D, sr⁻¹: area of the mirrors whose normal is h, by projected area and solid angle, of a vector h either way up, the
-   square hh of its length, and its part along n. D = 1/(π α_u α_v (x²/α_u² + y²/α_v² + z²)²) of h/|h| = (x, y, z), by
-   h's parts along the normal and across, which keep their digits: (α_u α_v)³ |h|⁴/(π size²), where size is α_u² α_v²
-   times those parts shrunk by 1/α. */
-INLINE Real ggx_density(const Roughness *a, Vec n, Vec h, Real hh, Real along, Features f)
+/* How long it is once all that is across the normal is shrunk by α. */
+INLINE Real ggx_stretch(const Roughness *a, Vec w, Real c, Features f)
+{
+    return real_sqrt(c * c + roughness_across(a, w, c, f));
+}
+
+/* 2 cosθ/G1(θ). Smith's: cosθ + √(cos²θ + α² sin²θ) of GGX; of Beckmann the fit that Mitsuba has, to .35 %. */
+INLINE Real ggx_masking(const Roughness *a, Vec w, Real c, Features f) { return c + ggx_stretch(a, w, c, f); }
+INLINE Real masking(const Roughness *a, Vec w, Real c, Features f)
+{
+    Real ggx = ggx_masking(a, w, c, f);
+    if (!(f.has & HAS_BECKMANN))
+        return ggx;
+    Real q = real_sqrt(roughness_across(a, w, c, f));
+    Real fit = (q * q + c * (real(2.276) * q + real(2.577) * c)) / (real(3.535) * q + real(2.181) * c);
+    return select(a->beckmann, real(2) * select(c >= real(1.6) * q, c, fit), ggx);
+}
+
+/* (α_u α_v)² times the parts of h along the normal and across, shrunk by 1/α: of GGX h²/α² and z². */
+typedef struct {
+    Real across, along;
+} Slope;
+INLINE Slope slope_of(const Roughness *a, Vec n, Vec h, Real along, Features f)
 {
     Vec across = vec_sub(h, vec_scale(n, along));
-    if (f.has & HAS_ANISOTROPIC) {
-        Real x = a->v * vec_dot(across, a->along_u), y = a->u * vec_dot(across, a->along_v), both = a->u * a->v;
-        Real size = x * x + y * y + both * both * (along * along);
-        Real q = both * only(size > real(0), hh / size);
-        return q * q * both * REAL_INV_PI;
-    }
-    Real size = vec_dot(across, across) + a->u * a->u * (along * along);
-    Real q = a->u * only(size > real(0), hh / size);
-    return q * q * REAL_INV_PI;
+    if (!(f.has & HAS_ANISOTROPIC))
+        return (Slope){vec_dot(across, across), a->u * a->u * (along * along)};
+    Real x = a->v * vec_dot(across, a->along_u), y = a->u * vec_dot(across, a->along_v), both = a->u * a->v;
+    return (Slope){x * x + y * y, both * both * (along * along)};
+}
+
+/* GGX's D, sr⁻¹: area of the mirrors whose normal is h, by projected area and solid angle, of a vector h either way up,
+   the square hh of its length, and its part along n. D = 1/(π α_u α_v (x²/α_u² + y²/α_v² + z²)²) of h/|h| = (x, y, z),
+   by h's parts along the normal and across, which keep their digits. */
+INLINE Real ggx_density(const Roughness *a, Vec n, Vec h, Real hh, Real along, Features f)
+{
+    Slope slope = slope_of(a, n, h, along, f);
+    Real size = slope.across + slope.along, both = f.has & HAS_ANISOTROPIC ? a->u * a->v : a->u;
+    Real q = both * only(size > real(0), hh / size);
+    return f.has & HAS_ANISOTROPIC ? q * q * both * REAL_INV_PI : q * q * REAL_INV_PI;
+}
+
+/* Mirrors of either distribution are sampled as GGX's are. How much more of them there is, seen by wo: D G1(θo) over
+   GGX's. D of Beckmann is that of GGX times (1 + x)² exp(-x), which is below 1.5, x being tan²θ/α². */
+INLINE Real over_ggx(const Roughness *a, const Surface *s, Vec h, Real along, Features f)
+{
+    if (!(f.has & HAS_BECKMANN))
+        return real(1);
+    Slope slope = slope_of(a, s->n, h, along, f);
+    Mask near = slope.across < real(64) * slope.along;
+    Real x = only(near, slope.across / slope.along), more = (real(1) + x) * (real(1) + x) * exp_below(x);
+    Real d = select(near, more, real(0));
+    return select(a->beckmann, d * (ggx_masking(a, s->wo, s->cos_o, f) / masking(a, s->wo, s->cos_o, f)), real(1));
 }
 
 /* A mirror as wo sees them: of a hemisphere, stretched from the mirrors by 1/α along the normal's plane. Uniform on

@@ -12,13 +12,13 @@ typedef struct plastic {
     double p_specular;  /* how large specular_reflectance is beside both: 0 … 1 */
 } Plastic;
 
-/* Of all plugins whose struct begins with a Plastic. */
-#define PLASTIC_FIELDS                                                                                       \
-    {"int_ior", AS_IOR, offsetof(Plastic, int_ior), "(0,1000]", "1.49"}, /* polypropylene */                 \
-    {"ext_ior", AS_IOR, offsetof(Plastic, ext_ior), "(0,1000]", "1.000277"}, /* air */                       \
-    {"diffuse_reflectance", AS_REFLECTANCE, offsetof(Plastic, diffuse_reflectance), "[0,1]", ".5"},          \
-    {"specular_reflectance", AS_REFLECTANCE, offsetof(Plastic, specular_reflectance), "[0,1]", "1"},         \
-    {"nonlinear", AS_BOOLEAN, offsetof(Plastic, nonlinear), NULL, "false"}
+/* Of all plugins whose struct has a Plastic, at `at`. */
+#define PLASTIC_FIELDS(at)                                                                                   \
+    {"int_ior", AS_IOR, (at) + offsetof(Plastic, int_ior), "(0,1000]", "1.49"}, /* polypropylene */          \
+    {"ext_ior", AS_IOR, (at) + offsetof(Plastic, ext_ior), "(0,1000]", "1.000277"}, /* air */                \
+    {"diffuse_reflectance", AS_REFLECTANCE, (at) + offsetof(Plastic, diffuse_reflectance), "[0,1]", ".5"},   \
+    {"specular_reflectance", AS_REFLECTANCE, (at) + offsetof(Plastic, specular_reflectance), "[0,1]", "1"},  \
+    {"nonlinear", AS_BOOLEAN, (at) + offsetof(Plastic, nonlinear), NULL, "false"}
 
 static inline double plastic_ior(const Plastic *m) { return m->int_ior / m->ext_ior; }
 
@@ -42,12 +42,8 @@ static inline double diffuse_fresnel(double ratio)
            + ratio * (-3.4793 + ratio * (6.75335 + ratio * (-7.80989 + ratio * (4.98554 - 1.36881 * ratio))));
 }
 
-static inline void plastic_check(void *plugin, Said *said)
+static inline void plastic_weigh(Plastic *m)
 {
-    Plastic *m = plugin;
-    if (!(diffuse_fresnel(plastic_ior(m)) < 1))
-        fail(said, "<bsdf type=\"%s\">: int_ior is %.3g times ext_ior, and from 3.85 times on its coat would make light",
-            said->type, plastic_ior(m));
     for (int c = 0; c < 3; c++) {
         m->albedo.most[c] = fmax(m->diffuse_reflectance.most[c], m->specular_reflectance.most[c]);
         m->albedo.least[c] = fmin(m->diffuse_reflectance.least[c], m->specular_reflectance.least[c]);
@@ -55,7 +51,16 @@ static inline void plastic_check(void *plugin, Said *said)
     double diffuse = mean_of_reflectance(&m->diffuse_reflectance), specular = mean_of_reflectance(&m->specular_reflectance);
     m->p_specular = diffuse + specular > 0 ? specular / (diffuse + specular) : 1;
 }
-static const Plugin plastic_plugin = {"plastic", plastic_check, {PLASTIC_FIELDS}};
+
+static inline void plastic_check(void *plugin, Said *said)
+{
+    Plastic *m = plugin;
+    if (!(diffuse_fresnel(plastic_ior(m)) < 1))
+        fail(said, "<bsdf type=\"%s\">: int_ior is %.3g times ext_ior, and from 3.85 times on its coat would make light",
+            said->type, plastic_ior(m));
+    plastic_weigh(m);
+}
+static const Plugin plastic_plugin = {"plastic", plastic_check, {PLASTIC_FIELDS(0)}};
 
 static inline MaterialTraits plastic_traits(const Plastic *m)
 {

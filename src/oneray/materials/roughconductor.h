@@ -1,5 +1,5 @@
 /* P1 Rough conductor: mirrors of metal too small to be seen, turned this way and that, on the side of the normal.
-   Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007, with their GGX distribution. */
+   Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007. */
 #pragma once
 
 #include "materials/conductor.h"
@@ -26,7 +26,7 @@ static const Plugin roughconductor_plugin = {"roughconductor", roughconductor_ch
 static inline MaterialTraits roughconductor_traits(const RoughConductor *m)
 {
     return (MaterialTraits){&m->metal.specular_reflectance, NULL, true, microfacets_odd(&m->facets),
-        .anisotropic = is_anisotropic(&m->facets)};
+        .anisotropic = is_anisotropic(&m->facets), .beckmann = m->facets.distribution == BECKMANN};
 }
 
 #ifdef LANES
@@ -49,28 +49,31 @@ static inline void roughconductor_row(const RoughConductor *m, int side, RoughCo
 
 /* What eval, pdf and factor have in common, at the half vector h ∥ wo + wi. */
 typedef struct {
-    Light fresnel; /* times the specular reflectance and the part's share */
-    Real d;        /* D, sr⁻¹: area of the mirrors whose normal is h, by projected area and solid angle */
-    Real o, i;     /* 2 cosθ/G1(θ) */
-} Ggx;
+    Light fresnel; /* times the specular reflectance and the part's share, and D G1(θo) over that of GGX */
+    Real d;        /* GGX's D, sr⁻¹ */
+    Real o, i;     /* 2 cosθ/G1(θ), the former GGX's */
+} RoughMetal;
 
-STAGE Ggx ggx(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
+STAGE RoughMetal rough_metal(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     Roughness a = roughness_of(materials, part->row, ROW_AT(RoughConductor, roughness), s, f);
     Light eta = ROW_LIGHT(materials, part->row, RoughConductor, eta);
     Light k = ROW_LIGHT(materials, part->row, RoughConductor, k);
     Vec h = vec_add(s->wo, wi);
     Real hh = vec_dot(h, h), c = real_min(real(0.5) * real_sqrt(hh), real(1));
-    return (Ggx){light_mul(part->reflectance, fresnel_of_metal(c, eta, k)),
-        ggx_density(&a, s->n, h, hh, s->cos_o + cosine, f),
-        s->cos_o + ggx_stretch(&a, s->wo, s->cos_o, f), cosine + ggx_stretch(&a, wi, cosine, f)};
+    RoughMetal m = {light_mul(part->reflectance, fresnel_of_metal(c, eta, k)),
+        ggx_density(&a, s->n, h, hh, s->cos_o + cosine, f), ggx_masking(&a, s->wo, s->cos_o, f),
+        masking(&a, wi, cosine, f)};
+    if (f.has & HAS_BECKMANN)
+        m.fresnel = light_scale(m.fresnel, over_ggx(&a, s, h, s->cos_o + cosine, f));
+    return m;
 }
 
 /* F D G/(4 cosθo cosθi), G = G1(θo) G1(θi): Smith's, separable, as Mitsuba has it. */
 INLINE Light roughconductor_eval(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    Ggx m = ggx(materials, part, s, wi, cosine, f);
+    RoughMetal m = rough_metal(materials, part, s, wi, cosine, f);
     return light_scale(m.fresnel, m.d / (m.o * m.i));
 }
 
@@ -78,7 +81,7 @@ INLINE Light roughconductor_eval(
 INLINE Real roughconductor_pdf_w(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    Ggx m = ggx(materials, part, s, wi, cosine, f);
+    RoughMetal m = rough_metal(materials, part, s, wi, cosine, f);
     return f.use & USE_COSINE ? m.d / (real(2) * m.o) : pdf_w_hemisphere_uniform();
 }
 
@@ -86,7 +89,7 @@ INLINE Real roughconductor_pdf_w(
 INLINE Light roughconductor_factor(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
-    Ggx m = ggx(materials, part, s, wi, cosine, f);
+    RoughMetal m = rough_metal(materials, part, s, wi, cosine, f);
     Real visible = real(2) * cosine / m.i, uniform = real(2) * REAL_PI * cosine * (m.d / (m.o * m.i));
     Real share = f.has & HAS_BLEND ? part->share : real(1);
     return light_scale(m.fresnel, (f.use & USE_COSINE ? visible : uniform) / share);

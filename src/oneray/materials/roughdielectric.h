@@ -26,6 +26,7 @@ static inline MaterialTraits roughdielectric_traits(const RoughDielectric *m)
     traits.absorbs = true; /* what leaves a facet for another is lost */
     traits.odd = traits.odd ? traits.odd : microfacets_odd(&m->facets);
     traits.anisotropic = is_anisotropic(&m->facets);
+    traits.beckmann = m->facets.distribution == BECKMANN;
     return traits;
 }
 
@@ -48,9 +49,10 @@ static inline void roughdielectric_row(const RoughDielectric *m, int side, Rough
 typedef struct {
     Mask reflects, meets; /* meets: there is such a mirror */
     Real chance; /* of its sending light this way: Fresnel's reflectance or transmittance */
-    Real spread; /* D over the half vector's Jacobian, its cosine with wo apart, sr⁻¹: D/4, D |wo·h| |wi·h|/|h|⁴ */
+    Real spread; /* GGX's D over the half vector's Jacobian, its cosine with wo apart, sr⁻¹: D/4, D |wo·h| |wi·h|/|h|⁴ */
     Real ratio;  /* η_o/η_i */
-    Real o, i;   /* 2 cosθ/G1(θ) */
+    Real o, i;   /* 2 cosθ/G1(θ), the former GGX's */
+    Real over;   /* what D G1(θo) is over that of GGX */
 } RoughBoundary;
 
 STAGE RoughBoundary rough_boundary(
@@ -69,17 +71,19 @@ STAGE RoughBoundary rough_boundary(
     b.chance = only(b.meets, select(b.reflects, real(1) - transmittance, transmittance));
     Real bent = select(b.reflects, real(0.25), only(b.meets, real_abs(o / hh * (i / hh))));
     b.spread = ggx_density(&a, s->n, h, hh, along, f) * bent;
-    b.o = s->cos_o + ggx_stretch(&a, s->wo, s->cos_o, f);
-    b.i = c_i + ggx_stretch(&a, wi, c_i, f);
+    b.o = ggx_masking(&a, s->wo, s->cos_o, f);
+    b.i = masking(&a, wi, c_i, f);
+    b.over = over_ggx(&a, s, h, along, f);
     return b;
 }
 
 /* What of it the material lets go on, times the part's share. */
 INLINE Light rough_boundary_tint(
-    const Materials *materials, const Part *part, const Surface *s, Mask reflects, Features f)
+    const Materials *materials, const Part *part, const Surface *s, const RoughBoundary *b, Features f)
 {
     Light t = reflectance_at(materials, part->row, ROW_AT(RoughDielectric, glass.transmittance), s, f);
-    return light_select(reflects, part->reflectance, f.has & HAS_BLEND ? light_scale(t, part->share) : t);
+    t = light_select(b->reflects, part->reflectance, f.has & HAS_BLEND ? light_scale(t, part->share) : t);
+    return f.has & HAS_BECKMANN ? light_scale(t, b->over) : t;
 }
 
 /* F D G/(4 cosθo cosθi), (1 - F) D G |wo·h| |wi·h|/(cosθo cosθi |h|⁴), the latter times (η_o/η_i)² of radiance, which
@@ -89,7 +93,7 @@ INLINE Light roughdielectric_eval(
 {
     RoughBoundary b = rough_boundary(materials, part, s, wi, cosine, f);
     Real compression = f.use & USE_LIGHT_PATHS ? real(1) : select(b.reflects, real(1), b.ratio * b.ratio);
-    return light_scale(rough_boundary_tint(materials, part, s, b.reflects, f),
+    return light_scale(rough_boundary_tint(materials, part, s, &b, f),
         real(4) * compression * (b.chance * b.spread / (b.o * b.i)));
 }
 
@@ -109,7 +113,7 @@ INLINE Light roughdielectric_factor(
     Real c_i = real_abs(cosine), share = f.has & HAS_BLEND ? part->share : real(1);
     Real visible = only(b.meets, real(2) * c_i / b.i);
     Real uniform = real(16) * REAL_PI * c_i * (b.chance * b.spread / (b.o * b.i));
-    return light_scale(rough_boundary_tint(materials, part, s, b.reflects, f),
+    return light_scale(rough_boundary_tint(materials, part, s, &b, f),
         (f.use & USE_COSINE ? visible : uniform) / share);
 }
 

@@ -58,6 +58,7 @@ static uint64_t features_of_material(const Description *d, int index)
                | features_of_material(d, material->as.blend.second);
     uint64_t has = material_wants_uv(d, index) ? HAS_UV : 0;
     has |= material_traits(material).anisotropic ? HAS_ANISOTROPIC : 0;
+    has |= material_traits(material).beckmann ? HAS_BECKMANN : 0;
     const Reflectance *one;
     for (int i = 0; (one = material_reflectance(material, i)); i++)
         has |= one->texture ? HAS_OF(CHECKERBOARD, d->textures[one->texture - 1].kind - TEXTURE_CHECKERBOARD) : 0;

@@ -169,12 +169,15 @@ _SAID_OF_CAMERA = {
     "width", "height", "origin", *_CORNERS, "near_clip", "far_clip", "direction", "lens", "filter",
 }  # fmt: skip
 
+_TABLES = ("bitmap", "rough plastic")
+"""What has more numbers than people would type in."""
+
 
 def _check(data: Mapping[str, Any]) -> None:
     """ReferenceError_ where the data have more than constants and words say."""
     more = [name for name in data if name not in _SAID_OF_SCENE]
     more += [f"camera's {name}" for name in data["camera"] if name not in _SAID_OF_CAMERA]
-    more += ["bitmap"] if "bitmap" in data["needs"] else []
+    more += [word for word in data["needs"] if word in _TABLES]
     for name in more:
         what = name.replace("_", " ")
         raise ReferenceError_(f"scene {data['scene']}: its {what} can only be written --as json")

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from raycheck.base.arrays import Array
+from raycheck.scene.coats import NODES, diffuse_fresnel, rough_coat
 from raycheck.scene.document import Element
 from raycheck.scene.pictures import read_picture
 from raycheck.scene.plugins import Said, described, fail
@@ -45,9 +46,10 @@ class Material:
     `eta` and `k` (3,): complex index of a conductor, `k` −1 for a perfect mirror; `eta` of a dielectric or a
     coat is its inner index over the outer one, and `transmittance` (3,) what of the refracted light goes on.
     `specular` (3,) is what of the light that a coat mirrors goes on; light between the coat and what is under
-    it loses colour at every turn if it is `nonlinear`. `alpha` is the roughness along dp/du and across. A
-    blend has two `parts` and the `weight` of the second. A `two_sided` one looks the same from behind, where
-    others are black. A colour that is one of the `textures`, by name, is NaN.
+    it loses colour at every turn if it is `nonlinear`. `alpha` is the roughness along dp/du and across, by
+    GGX's distribution if not `beckmann`. A blend has two `parts` and the `weight` of the second. A
+    `two_sided` one looks the same from behind, where others are black. A colour that is one of the
+    `textures`, by name, is NaN.
     """
 
     kind: str
@@ -58,6 +60,7 @@ class Material:
     parts: tuple["Material", ...] = ()
     two_sided: bool = False
     alpha: tuple[float, float] = (0.0, 0.0)
+    beckmann: bool = False
     transmittance: Array = field(default_factory=lambda: np.ones(3))
     specular: Array = field(default_factory=lambda: np.ones(3))
     nonlinear: bool = False
@@ -145,7 +148,7 @@ METAL: dict[str, Row] = {**REFLECTANCE, "eta": COLOUR, "k": COLOUR}
 
 
 def _roughness(what: str) -> Row:
-    meaning = f"Roughness of GGX microfacets with Smith's separable G{what}"
+    meaning = f"Roughness of microfacets with Smith's separable G{what}"
     return {**NUMBER, "exclusiveMinimum": 0, "description": meaning}
 
 
@@ -153,8 +156,15 @@ PIXELS: Row = {
     "type": "array", "items": {"type": "array", "items": COLOUR},
     "description": "Rows from the top, where v is 0; the first pixel's middle is half a pixel from its edges",
 }  # fmt: skip
-ISOTROPIC = {"alpha": _roughness("")}
-ANISOTROPIC = {"alpha_u": _roughness(" where u grows"), "alpha_v": _roughness(" across that")}
+BECKMANN: Row = {"type": "boolean", "description": "Beckmann's distribution of them, else GGX"}
+ISOTROPIC = {"alpha": _roughness(""), "beckmann": BECKMANN}
+ANISOTROPIC = {
+    "alpha_u": _roughness(" where u grows"), "alpha_v": _roughness(" across that"), "beckmann": BECKMANN,
+}  # fmt: skip
+TABLE: Row = {
+    "type": "array", "items": NUMBER, "minItems": NODES, "maxItems": NODES,
+    "description": "Of light at cosines of 0 … 1, evenly spaced, what the coat lets through; linear between",
+}  # fmt: skip
 WEIGHT = {**NUMBER, "minimum": 0, "maximum": 1}
 PARTS = {"type": "array", "items": {"$ref": "#/$defs/material"}, "minItems": 2, "maxItems": 2}
 
@@ -251,29 +261,34 @@ def _told_conductor(one: Material) -> Row:
     return {"type": "conductor", **_told_metal(one)}
 
 
-def _alphas(said: Said) -> tuple[float, float]:
-    """Roughness along dp/du and across."""
+def _facets(said: Said) -> Row:
+    """Fields of a Material: `alpha` and `beckmann`."""
     write = f"{described(said.element)}: write"
-    if said.given("distribution") is None:  # Mitsuba's default is beckmann
-        fail(said.element, f'{write} <string name="distribution" value="ggx"/>')
     along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
     if along != across or (along and said.given("alpha") is not None):
         fail(said.element, f"{write} alpha, or both alpha_u and alpha_v")
     names = ("alpha_u", "alpha_v") if along else ("alpha", "alpha")
     u, v = (max(said.number(name), 1e-4) for name in names)
-    return u, v
+    return {"alpha": (u, v), "beckmann": said.word("distribution") == "beckmann"}
+
+
+def _told_facets(one: Material) -> Row:
+    u, v = one.alpha
+    return {**({"alpha": u} if u == v else {"alpha_u": u, "alpha_v": v}), "beckmann": one.beckmann}
+
+
+def _told_rough(one: Material, kind: str, rest: Row) -> Row:
+    which = "rough" if one.alpha[0] == one.alpha[1] else "anisotropic"
+    return {"type": f"{which} {kind}", **rest, **_told_facets(one)}
 
 
 def _roughconductor(of: Source) -> Material:
-    return replace(_conductor(of), kind="roughconductor", alpha=_alphas(of.said))
+    return replace(_conductor(of), kind="roughconductor", **_facets(of.said))
 
 
 def _told_roughconductor(one: Material) -> Row:
     whole = replace(one, k=np.ones(3)) if one.is_mirror else one  # k 1 reflects all then, as η is 0
-    u, v = one.alpha
-    if u == v:
-        return {"type": "rough conductor", **_told_metal(whole), "alpha": u}
-    return {"type": "anisotropic conductor", **_told_metal(whole), "alpha_u": u, "alpha_v": v}
+    return _told_rough(one, "conductor", _told_metal(whole))
 
 
 def _dielectric(of: Source) -> Material:
@@ -294,41 +309,49 @@ def _told_glass(one: Material) -> Row:
     return {**colours, "eta": float(one.eta[0])}
 
 
-def diffuse_fresnel(eta: float) -> float:
-    """Reflectance of a coat for diffuse light from inside, eta its index over that outside: Mitsuba's fits,
-    of Egan and Hilgeman (1973), and where eta is below 1 of d'Eon and Irving (2011).
-    """
-    if eta > 1:
-        return 0.0636 * eta + 0.6681 + (0.7099 - 1.4399 / eta) / eta
-    return float(np.polyval([-1.36881, 4.98554, -7.80989, 6.75335, -3.4793, 0.919317], eta))
-
-
 def _roughdielectric(of: Source) -> Material:
-    one = replace(_glass(of), alpha=_alphas(of.said))
+    one = replace(_glass(of), **_facets(of.said))
     if one.eta[0] == 1:
         fail(of.said.element, f"{described(of.said.element)}: int_ior and ext_ior must differ")
     return one
 
 
-def _told_roughdielectric(one: Material) -> Row:
-    u, v = one.alpha
-    if u == v:
-        return {"type": "rough dielectric", **_told_glass(one), "alpha": u}
-    return {"type": "anisotropic dielectric", **_told_glass(one), "alpha_u": u, "alpha_v": v}
+def _coated(of: Source) -> Material:
+    colours = of.colours(reflectance="diffuse_reflectance", specular="specular_reflectance")
+    return Material(of.said.type, **colours, eta=of.ratio(), nonlinear=of.said.flag("nonlinear"))
 
 
 def _plastic(of: Source) -> Material:
-    colours, eta = of.colours(reflectance="diffuse_reflectance", specular="specular_reflectance"), of.ratio()
-    if diffuse_fresnel(eta[0]) >= 1:
+    one = _coated(of)
+    if diffuse_fresnel(one.eta[0]) >= 1:
         which = described(of.said.element)
         fail(of.said.element, f"{which}: from int_ior 3.85 times ext_ior on its coat would make light")
-    return Material(of.said.type, **colours, eta=eta, nonlinear=of.said.flag("nonlinear"))
+    return one
+
+
+def _told_coated(one: Material, internal: float) -> Row:
+    colours = {**_told_colour(one, "reflectance"), **_told_colour(one, "specular")}
+    return {**colours, "eta": float(one.eta[0]), "internal": internal, "nonlinear": one.nonlinear}
 
 
 def _told_plastic(one: Material) -> Row:
-    colours = {**_told_colour(one, "reflectance"), **_told_colour(one, "specular")}
-    eta = float(one.eta[0])
-    return {**colours, "eta": eta, "internal": diffuse_fresnel(eta), "nonlinear": one.nonlinear}
+    return {"type": "plastic", **_told_coated(one, diffuse_fresnel(float(one.eta[0])))}
+
+
+def _roughplastic(of: Source) -> Material:
+    said = of.said
+    if any(said.given(name) is not None for name in ("alpha_u", "alpha_v")):
+        fail(said.element, f"{described(said.element)} is rough alike in all directions: write alpha")
+    one = replace(_coated(of), **_facets(said))
+    if one.eta[0] == 1:
+        fail(said.element, f"{described(said.element)}: int_ior and ext_ior must differ")
+    return one
+
+
+def _told_roughplastic(one: Material) -> Row:
+    through, internal = rough_coat(one.alpha[0], one.beckmann, float(one.eta[0]))
+    rest = {**_told_coated(one, internal), "coat_transmittance": through.tolist()}
+    return _told_rough(one, "plastic", rest)
 
 
 def _blend(of: Source) -> Material:
@@ -378,11 +401,13 @@ MATERIALS: dict[str, Kind] = {
         _glass, lambda one: {"type": "thin dielectric", **_told_glass(one)}, {"thin dielectric": GLASS}
     ),
     "roughdielectric": Kind(
-        _roughdielectric, _told_roughdielectric,
+        _roughdielectric, lambda one: _told_rough(one, "dielectric", _told_glass(one)),
         {"rough dielectric": {**GLASS, **ISOTROPIC}, "anisotropic dielectric": {**GLASS, **ANISOTROPIC}},
     ),
-    "plastic": Kind(
-        _plastic, lambda one: {"type": "plastic", **_told_plastic(one)}, {"plastic": PLASTIC}
+    "plastic": Kind(_plastic, _told_plastic, {"plastic": PLASTIC}),
+    "roughplastic": Kind(
+        _roughplastic, _told_roughplastic,
+        {"rough plastic": {**PLASTIC, **ISOTROPIC, "coat_transmittance": TABLE}},
     ),
     "blendbsdf": Kind(
         _blend, _told_blend, {"blend": {"weight_of_second": WEIGHT, "parts": PARTS}}, ("bsdf", "ref")
@@ -466,4 +491,5 @@ def all_fields() -> dict[str, Row]:
     for fields in (*kinds, *(fields for name in TEXTURED for fields in _instead(name))):
         for name, said in fields.items():
             found.setdefault(name, said)
-    return {name: said for name, said in found.items() if "enum" not in said and said not in (PARTS, PIXELS)}
+    left_out = (PARTS, PIXELS, TABLE)
+    return {name: said for name, said in found.items() if "enum" not in said and said not in left_out}

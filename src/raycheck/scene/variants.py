@@ -90,8 +90,8 @@ LADDER = (
     "sphere-light-far", "light-below-horizon", "mesh-light", "filter", "lens", "shaded-lamp",
     "thousand-lights", "open-sky", "mixed-material", "mirror-light", "leaving-paths", "furnace",
     "integrating-sphere", "inside-light", "cornell-box", "cylinder", "mesh-room", "smooth-mesh",
-    "lecture", "mirror-corridor", "metal", "rough-metal", "brushed-metal", "plastic", "rough-glass",
-    "textured-room", "environment", "glass-pane", "lamp-behind-glass", "glass-ball", "caustic",
+    "lecture", "mirror-corridor", "metal", "rough-metal", "brushed-metal", "plastic", "rough-plastic",
+    "rough-glass", "textured-room", "environment", "glass-pane", "lamp-behind-glass", "glass-ball", "caustic",
 )  # fmt: skip
 """The order of the canonical scenes: each adds one thing to those before it."""
 

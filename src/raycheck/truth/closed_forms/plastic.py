@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from raycheck.base.arrays import Array, Indices
-from raycheck.scene.materials import Material, diffuse_fresnel
+from raycheck.scene.coats import diffuse_fresnel
+from raycheck.scene.materials import Material
 from raycheck.scene.reader import Scene
 from raycheck.truth.closed_forms.pixel_quadrature import Radiance
 from raycheck.truth.closed_forms.solids import Plate, nearest
