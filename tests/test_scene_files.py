@@ -105,6 +105,35 @@ def test_what_mitsuba_refuses_is_read_with_a_warning(oneray: Path, tmp_path: Pat
     assert film.startswith('6: <film type="ldrfilm"> is read as hdrfilm')
 
 
+@pytest.mark.parametrize("kind", ["conductor", "roughconductor"])
+def test_an_index_outside_divides_a_metals_as_in_mitsuba_0(oneray: Path, tmp_path: Path, kind: str) -> None:
+    """In both of its names for it; 1.3330 is water's."""
+    metal = '<rgb name="eta" value="{} 0.5 0.25"/><rgb name="k" value="{} 1 0.75"/>'
+    texts = [
+        PLAIN.replace(BSDF, f'<bsdf type="{kind}" id="paint">{metal.format(*numbers)}{more}</bsdf>')
+        for numbers, more in (
+            ((2, 4), '<float name="ext_eta" value="2"/>'),
+            ((2, 4), '<float name="extEta" value="2"/>'),
+            ((1, 2), ""),
+        )
+    ]
+    plain = texts[2].replace("0.5 0.25", "0.25 0.125").replace("1 0.75", "0.5 0.375")
+    for text in (texts[0], texts[1].replace("3.0.0", "0.6.0")):
+        [warned] = same(oneray, tmp_path, text, plain=plain)
+        assert "ext_eta divides eta and k, as in Mitsuba 0: Mitsuba 3 refuses it" in warned
+
+
+def test_trilinear_is_bilinear(oneray: Path, tmp_path: Path) -> None:
+    tiles = ROOT / "scenes/pictures/tiles.png"
+    painted = (
+        '<bsdf type="diffuse" id="paint"><texture type="bitmap" name="reflectance"><string name="filename" '
+        f'value="{tiles}"/><string name="filter_type" value="{{}}"/></texture></bsdf>'
+    )
+    text, plain = (PLAIN.replace(BSDF, painted.format(which)) for which in ("trilinear", "bilinear"))
+    [warned] = same(oneray, tmp_path, text, plain=plain)
+    assert "is read as bilinear, as by Mitsuba 0" in warned
+
+
 WITHOUT_EFFECT = {
     "sensor": [
         '<float name="focus_distance" value="3"/>', '<float name="shutter_open" value="0"/>',

@@ -8,6 +8,7 @@
 typedef struct conductor {
     Reflectance specular_reflectance;
     double eta[3], k[3]; /* complex index of refraction eta + i k, by channel, … */
+    double ext_eta;      /* over which the file's are, once it is checked */
     bool fresnel;        /* … of a metal; else Mitsuba's material "none", a perfect mirror */
     const char *material;
 } Conductor;
@@ -34,16 +35,27 @@ static inline void conductor_check(void *plugin, Said *said)
     if (!given(said, "eta") != !given(said, "k"))
         fail(said, "<bsdf type=\"%s\"> needs both eta and k as <rgb>, or a metal by name, as in "
             "<string name=\"material\" value=\"Cu\"/>", said->type);
+    if (given(said, "ext_eta"))
+        note(said, "ext_eta divides eta and k, as in Mitsuba 0: Mitsuba 3 refuses it");
     m->fresnel = given(said, "eta") || (name && strcmp(name, "none") != 0);
     if (name && m->fresnel && !conductor_of_metal(m, name))
         fail(given(said, "material"), "no metal is called \"%.80s\" (\"Ag\", \"Al\", \"Au\", \"Cu\" …, or \"none\" for "
             "a perfect mirror; or write eta and k as <rgb>)", name);
+    for (int c = 0; c < 3; c++) {
+        m->eta[c] /= m->ext_eta;
+        m->k[c] /= m->ext_eta;
+    }
 }
-static const Plugin conductor_plugin = {"conductor", conductor_check, {
-    {"material", AS_STRING, offsetof(Conductor, material), NULL, ""},
-    {"specular_reflectance", AS_REFLECTANCE, offsetof(Conductor, specular_reflectance), "[0,1]", "1"},
-    {"eta", AS_COLOUR, offsetof(Conductor, eta), "(0,1000]", ""},
-    {"k", AS_COLOUR, offsetof(Conductor, k), "[0,1000]", ""}}};
+
+/* Of all plugins whose struct has a Conductor, at `at`. */
+#define CONDUCTOR_FIELDS(at)                                                                                 \
+    {"material", AS_STRING, (at) + offsetof(Conductor, material), NULL, ""},                                 \
+    {"specular_reflectance", AS_REFLECTANCE, (at) + offsetof(Conductor, specular_reflectance), "[0,1]", "1"}, \
+    {"eta", AS_COLOUR, (at) + offsetof(Conductor, eta), "(0,1000]", ""},                                     \
+    {"k", AS_COLOUR, (at) + offsetof(Conductor, k), "[0,1000]", "1"},                                        \
+    {"ext_eta", AS_IOR, (at) + offsetof(Conductor, ext_eta), "(0,1000]", "1"}
+
+static const Plugin conductor_plugin = {"conductor", conductor_check, {CONDUCTOR_FIELDS(0)}};
 
 static inline MaterialTraits conductor_traits(const Conductor *m)
 {

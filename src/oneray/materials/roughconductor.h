@@ -17,11 +17,7 @@ static inline void roughconductor_check(void *plugin, Said *said)
     conductor_check(&m->metal, said);
 }
 static const Plugin roughconductor_plugin = {"roughconductor", roughconductor_check, {
-    MICROFACET_FIELDS,
-    {"material", AS_STRING, offsetof(RoughConductor, metal.material), NULL, ""},
-    {"specular_reflectance", AS_REFLECTANCE, offsetof(RoughConductor, metal.specular_reflectance), "[0,1]", "1"},
-    {"eta", AS_COLOUR, offsetof(RoughConductor, metal.eta), "(0,1000]", ""},
-    {"k", AS_COLOUR, offsetof(RoughConductor, metal.k), "[0,1000]", "1"}}};
+    MICROFACET_FIELDS, CONDUCTOR_FIELDS(offsetof(RoughConductor, metal))}};
 
 static inline MaterialTraits roughconductor_traits(const RoughConductor *m)
 {

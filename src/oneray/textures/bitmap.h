@@ -17,6 +17,8 @@ typedef struct bitmap {
 static inline void bitmap_check(void *plugin, Said *said)
 {
     Bitmap *t = plugin;
+    if (t->filter_type > 1)
+        note(said, "filter_type \"trilinear\" is read as bilinear, as by Mitsuba 0: Mitsuba 3 refuses it");
     t->image = image_of(said->images, &t->filename, t->raw);
     for (size_t i = 0; i < (size_t)t->image->width * (size_t)t->image->height; i++)
         for (int c = 0; c < 3; c++) {
@@ -33,7 +35,7 @@ static inline void bitmap_check(void *plugin, Said *said)
 static const Plugin bitmap_plugin = {"bitmap", bitmap_check, {
     {"filename", AS_FILE, offsetof(Bitmap, filename), NULL, NULL},
     {"raw", AS_BOOLEAN, offsetof(Bitmap, raw), NULL, "false"},
-    {"filter_type", AS_WORD, offsetof(Bitmap, filter_type), "bilinear, nearest", "bilinear"},
+    {"filter_type", AS_WORD, offsetof(Bitmap, filter_type), "bilinear, nearest, trilinear", "bilinear"},
     {"wrap_mode", AS_WORD, offsetof(Bitmap, wrap_mode), "repeat, mirror, clamp", "repeat"},
     {"format", AS_STRING, LEFT_OUT, NULL, ""},
     {"accel", AS_BOOLEAN, LEFT_OUT, NULL, "true"},
@@ -61,7 +63,7 @@ static inline void bitmap_row(const Bitmap *t, BitmapRow *row)
     row->width = (Num)t->image->width;
     row->height = (Num)t->image->height;
     row->wrap = (Num)t->wrap_mode;
-    row->nearest = (Num)t->filter_type;
+    row->nearest = t->filter_type == 1;
 }
 
 /* Along an axis of n pixels: the two on either side of u, and the second's share. */

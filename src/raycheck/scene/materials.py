@@ -113,14 +113,15 @@ class Source:
         index = [said.given(name) is not None for name in ("eta", "k")]
         if index[0] != index[1] or (index[0] and said.given("material") is not None):
             fail(said.element, f'{described(said.element)}: write "eta" and "k", or "material"')
+        beside = said.number("ext_eta")
         if index[0]:
-            return said.triple("eta"), said.triple("k")
+            return said.triple("eta") / beside, said.triple("k") / beside
         name = said.word("material") or "none"
         if name == "none":
             return np.zeros(3), np.full(3, -1.0)
         if name not in _metals():
             fail(said.element, f'{described(said.element)}: no metal is called "{name}"')
-        return np.array(_metals()[name]["eta"]), np.array(_metals()[name]["k"])
+        return np.array(_metals()[name]["eta"]) / beside, np.array(_metals()[name]["k"]) / beside
 
 
 @functools.cache
@@ -210,9 +211,8 @@ def _bitmap(said: Said, file: Callable[[str], Path]) -> Texture:
     colours = read_picture(file(said.word("filename")), said.flag("raw"))
     if not ((colours >= 0) & (colours <= 1)).all():
         fail(said.element, f"{described(said.element)}: reflectances are in [0,1], and its picture is not")
-    return Texture(
-        "bitmap", colours, said.transform("to_uv"), said.word("filter_type"), said.word("wrap_mode")
-    )
+    between = "nearest" if said.word("filter_type") == "nearest" else "bilinear"  # Mitsuba 0: trilinear
+    return Texture("bitmap", colours, said.transform("to_uv"), between, said.word("wrap_mode"))
 
 
 def _told_bitmap(one: Texture) -> Row:
