@@ -163,12 +163,13 @@ void *scene_read(const char *file)
     return d;
 }
 extern void *scene_open(
-    const void *description, int estimator, int hemisphere, int choice, int points, int schlick, int uv);
+    const void *description, int estimator, int hemisphere, int normals, int choice, int points, int schlick, int uv);
 void *scene_open(
-    const void *description, int estimator, int hemisphere, int choice, int points, int schlick, int uv)
+    const void *description, int estimator, int hemisphere, int normals, int choice, int points, int schlick, int uv)
 {
     Technique technique = {.estimator = estimator,
         .hemisphere = hemisphere,
+        .normals = normals,
         .light_choice = choice,
         .light_points = points,
         .fresnel = schlick};

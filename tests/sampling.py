@@ -32,6 +32,7 @@ FEWEST_EXPECTED = 10.0
 
 ESTIMATORS = {"walk": 0, "nee": 1, "mis": 2, "light": 3}
 HEMISPHERES = {"uniform": 0, "cosine": 1}
+NORMALS = {"all": 0, "visible": 1}
 CHOICES = {"uniform": 0, "power": 1, "contribution": 2, "learned": 3}
 POINTS = {"area": 0, "facing": 1, "cone": 2}
 
@@ -111,6 +112,7 @@ class Driver:
         body: str | Path,
         estimator: str = "mis",
         hemisphere: str = "cosine",
+        normals: str = "visible",
         choice: str = "uniform",
         points: str = "cone",
         schlick: bool = False,
@@ -121,7 +123,9 @@ class Driver:
         if isinstance(body, str):
             file = self.folder / "scene.xml"
             file.write_text(SCENE.format(body))
-        way = (ESTIMATORS[estimator], HEMISPHERES[hemisphere], CHOICES[choice], POINTS[points])
+        way = (
+            ESTIMATORS[estimator], HEMISPHERES[hemisphere], NORMALS[normals], CHOICES[choice], POINTS[points]
+        )  # fmt: skip
         description = ctypes.c_void_p(self.library.scene_read(str(file).encode()))
         opened = self.library.scene_open(description, *way, int(schlick), int(uv))
         yield opened

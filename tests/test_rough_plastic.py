@@ -13,7 +13,7 @@ from sampling import Array, Driver, directions, uniforms
 
 ALPHAS = (0.05, 0.15, 0.5, 1.0)
 each_alpha = pytest.mark.parametrize("alpha", ALPHAS)
-each_hemisphere = pytest.mark.parametrize("hemisphere", ["cosine", "uniform"])
+each_way = pytest.mark.parametrize("way", [{}, {"normals": "all"}, {"hemisphere": "uniform"}], ids=str)
 TINTS = '<rgb name="specular_reflectance" value="0.9, 0.6, 1"/>'
 SINGLE = '<float name="alpha" value="{}"/>'
 PAIR = '<float name="alpha_u" value="{}"/><float name="alpha_v" value="0.4"/>'
@@ -62,24 +62,24 @@ def test_eval_is_mitsubas(driver: Driver, name: str, which: str, alpha: float) -
         np.testing.assert_allclose(pdf, density, rtol=2.5 * tolerance, atol=1e-9)  # 1 − T of the table
 
 
-@each_hemisphere
+@each_way
 @each_alpha
 @each_case
 def test_factor_is_brdf_times_cosine_over_density(
-    driver: Driver, wide: list[Driver], name: str, which: str, alpha: float, hemisphere: str
+    driver: Driver, wide: list[Driver], name: str, which: str, alpha: float, way: dict[str, str]
 ) -> None:
     bsdf = KINDS[name].format(alpha, which)
     wo = above(3000, 8)
-    s = Sampled(driver, bsdf, wo, uniforms(3000, 9, 3), hemisphere=hemisphere)
+    s = Sampled(driver, bsdf, wo, uniforms(3000, 9, 3), **way)
     kept = s.factor.any(axis=0)
-    f, pdf, factor = evaluated(driver, bsdf, wo[:, kept], s.wi[:, kept], hemisphere=hemisphere)
+    f, pdf, factor = evaluated(driver, bsdf, wo[:, kept], s.wi[:, kept], **way)
     crossed = s.compression[kept]  # of radiance, which factors are without
     np.testing.assert_allclose(s.pdf[kept], pdf, rtol=1e-9)
     np.testing.assert_allclose(s.factor[:, kept], factor, rtol=1e-9)
     np.testing.assert_allclose(factor, f * np.abs(s.wi[2, kept]) / pdf / crossed, rtol=1e-8, atol=1e-12)
-    if hemisphere == "cosine":
+    if not way:
         assert s.factor.max() < 3  # as much as Beckmann's can be of GGX's, and less
-    two = Sampled(wide[0], bsdf, wo, uniforms(3000, 9, 3), hemisphere=hemisphere)
+    two = Sampled(wide[0], bsdf, wo, uniforms(3000, 9, 3), **way)
     np.testing.assert_array_equal(s.wi, two.wi)
     np.testing.assert_array_equal(s.factor, two.factor)
 
@@ -99,8 +99,11 @@ def test_sampled_directions_carry_the_integral_of_eval(
     area = 4 * np.pi if "glass" in name else 2 * np.pi
     expected = (f * np.abs(z)).mean(axis=1) * area
     third = uniforms(n * n, 5, 1)
-    s = Sampled(driver, bsdf, polar(cosine), np.vstack([u, third]))
-    np.testing.assert_allclose((s.factor * s.compression).mean(axis=1), expected, rtol=4e-3)
+    for normals in ("visible", "all"):
+        s = Sampled(driver, bsdf, polar(cosine), np.vstack([u, third]), normals=normals)
+        error = (s.factor * s.compression).std(axis=1) / n if normals == "all" else 0
+        found = (s.factor * s.compression).mean(axis=1)
+        assert (np.abs(found - expected) < 4e-3 * expected + 4 * error).all(), normals
 
 
 @pytest.mark.parametrize("name", [name for name in KINDS if "brushed" not in name])

@@ -15,12 +15,13 @@
    sampled but not evaluated. A row of zeros is the first kind's, and black. A coat reflects light besides what the
    row's reflectance says; that of a smooth coat is a delta, which is sampled with the rest. */
 #define SMOOTH_COATS(X) X(PLASTIC, plastic, "plastic")
-#define COATS(X) SMOOTH_COATS(X) X(ROUGHPLASTIC, roughplastic, "rough plastic")
-#define FINITE_MATERIALS(X)                                                                                  \
-    X(DIFFUSE, diffuse, "diffuse")                                                                           \
+#define ROUGH_COATS(X) X(ROUGHPLASTIC, roughplastic, "rough plastic")
+#define COATS(X) SMOOTH_COATS(X) ROUGH_COATS(X)
+#define ROUGH_BOUNDARIES(X)                                                                                  \
     X(ROUGHCONDUCTOR, roughconductor, "rough conductor")                                                     \
-    X(ROUGHDIELECTRIC, roughdielectric, "rough dielectric")                                                  \
-    COATS(X)
+    X(ROUGHDIELECTRIC, roughdielectric, "rough dielectric")
+#define ROUGH_MATERIALS(X) ROUGH_BOUNDARIES(X) ROUGH_COATS(X) /* of microfacets */
+#define FINITE_MATERIALS(X) X(DIFFUSE, diffuse, "diffuse") ROUGH_BOUNDARIES(X) COATS(X)
 #define DELTA_MATERIALS(X)                                                                                   \
     X(CONDUCTOR, conductor, "conductor")                                                                     \
     X(DIELECTRIC, dielectric, "dielectric")                                                                  \
@@ -100,6 +101,7 @@
     X(CONE, cone, "cone of sphere lights")                                                                   \
     X(SOLID_ANGLE, solid_angle, "solid angle of rectangle lights")                                           \
     X(COSINE, cosine, "cosine hemisphere")                                                                   \
+    X(ALL_NORMALS, all_normals, "all microfacets")                                                           \
     X(ROULETTE, roulette, "roulette")                                                                        \
     X(SCHLICK, schlick, "Schlick's Fresnel")                                                                 \
     X(LIGHT_PATHS, light_paths, "light tracing")                                                             \

@@ -15,6 +15,10 @@
     X(HEMISPHERE_UNIFORM, "uniform", "L8 uniform, scaled by 2 pi")                                           \
     X(HEMISPHERE_COSINE, "cosine", "L9 in proportion to the cosine")
 
+#define NORMALS(X)                                                                                           \
+    X(NORMALS_ALL, "all", "in proportion to their area across the surface's normal, seen or not")            \
+    X(NORMALS_VISIBLE, "visible", "of those that the viewer sees, as large as he sees them")
+
 #define LIGHT_CHOICES(X)                                                                                     \
     X(LIGHT_CHOICE_UNIFORM, "uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion")       \
     X(LIGHT_CHOICE_POWER, "power", "L4 in proportion to the flux (the default with --estimator light)")      \
@@ -52,6 +56,7 @@
 #define NAME(name, word, help) name,
 enum { ESTIMATORS(NAME) };
 enum { HEMISPHERES(NAME) };
+enum { NORMALS(NAME) };
 enum { LIGHT_CHOICES(NAME) };
 enum { POINTS_ON_LIGHTS(NAME) };
 enum { MIS_HEURISTICS(NAME) };
@@ -63,7 +68,7 @@ enum { SAMPLERS(NAME) };
 
 /* A value of each list. */
 typedef struct {
-    int estimator, hemisphere, light_choice, light_points, mis, mis_pdf, roulette, fresnel, sampler;
+    int estimator, hemisphere, normals, light_choice, light_points, mis, mis_pdf, roulette, fresnel, sampler;
 } Technique;
 
 /* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5

@@ -142,6 +142,27 @@ INLINE Real over_ggx(const Roughness *a, const Surface *s, Vec h, Real along, Fe
     return select(a->beckmann, d * (ggx_masking(a, s->wo, s->cos_o, f) / masking(a, s->wo, s->cos_o, f)), real(1));
 }
 
+/* What the density of all mirrors, D cosθ, is over that of those that wo sees, D G1(θo) (wo·h)/cosθo, for a vector h of
+   any length, its part along n, and o, GGX's 2 cosθo/G1(θo). */
+INLINE Real all_over_visible(const Surface *s, Vec h, Real along, Real o)
+{
+    Real seen = vec_dot(s->wo, h);
+    return only(seen * along > real(0), along * o / (real(2) * seen));
+}
+
+/* One of all mirrors: tan²θ = α² u/(1 - u), at any angle around. */
+INLINE Vec sample_any_mirror(const Surface *s, const Roughness *a, const Real u[2], Features f)
+{
+    Vec local = turned(real_sqrt(u[0]), u[1], real_sqrt(real(1) - u[0]));
+    local.x = local.x * a->u;
+    if (!(f.has & HAS_ANISOTROPIC)) {
+        local.y = local.y * a->u;
+        return vec_from_frame(s->n, local);
+    }
+    Vec across = vec_add(vec_scale(a->along_u, local.x), vec_scale(a->along_v, a->v * local.y));
+    return vec_add(across, vec_scale(s->n, local.z));
+}
+
 /* A mirror as wo sees them: of a hemisphere, stretched from the mirrors by 1/α along the normal's plane. Uniform on
    the cap of the sphere around it and the viewer's direction: Dupuy & Benyoub, Sampling Visible GGX Normals with
    Spherical Caps, HPG 2023. Some reflect to below the surface; what they send is lost. */
@@ -160,6 +181,11 @@ INLINE Vec sample_visible_mirror(const Surface *s, const Roughness *a, const Rea
     Vec cap = vec_from_frame(s->n, vec(ring * cosine, ring * sine, real(0)));
     Vec o_across = vec_scale(vec_sub(s->wo, vec_scale(s->n, s->cos_o)), a->u / stretch);
     return vec_add(vec_scale(vec_add(cap, o_across), a->u), vec_scale(s->n, up));
+}
+
+INLINE Vec sample_mirror(const Surface *s, const Roughness *a, const Real u[2], Features f)
+{
+    return f.use & USE_ALL_NORMALS ? sample_any_mirror(s, a, u, f) : sample_visible_mirror(s, a, u, f);
 }
 
 #endif

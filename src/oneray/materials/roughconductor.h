@@ -48,6 +48,7 @@ typedef struct {
     Light fresnel; /* times the specular reflectance and the part's share, and D G1(θo) over that of GGX */
     Real d;        /* GGX's D, sr⁻¹ */
     Real o, i;     /* 2 cosθ/G1(θ), the former GGX's */
+    Real all;      /* USE_ALL_NORMALS: what the density of all mirrors is over that of those seen */
 } RoughMetal;
 
 STAGE RoughMetal rough_metal(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
@@ -59,7 +60,9 @@ STAGE RoughMetal rough_metal(const Materials *materials, const Part *part, const
     Real hh = vec_dot(h, h), c = real_min(real(0.5) * real_sqrt(hh), real(1));
     RoughMetal m = {light_mul(part->reflectance, fresnel_of_metal(c, eta, k)),
         ggx_density(&a, s->n, h, hh, s->cos_o + cosine, f), ggx_masking(&a, s->wo, s->cos_o, f),
-        masking(&a, wi, cosine, f)};
+        masking(&a, wi, cosine, f), real(1)};
+    if (f.use & USE_ALL_NORMALS)
+        m.all = all_over_visible(s, h, s->cos_o + cosine, m.o);
     if (f.has & HAS_BECKMANN)
         m.fresnel = light_scale(m.fresnel, over_ggx(&a, s, h, s->cos_o + cosine, f));
     return m;
@@ -78,7 +81,10 @@ INLINE Real roughconductor_pdf_w(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     RoughMetal m = rough_metal(materials, part, s, wi, cosine, f);
-    return f.use & USE_COSINE ? m.d / (real(2) * m.o) : pdf_w_hemisphere_uniform();
+    Real visible = m.d / (real(2) * m.o);
+    if (f.use & USE_COSINE)
+        return f.use & USE_ALL_NORMALS ? visible * m.all : visible;
+    return pdf_w_hemisphere_uniform();
 }
 
 /* L9 F G1(θi); L8 2π f_r cosθi. */
@@ -86,7 +92,10 @@ INLINE Light roughconductor_factor(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     RoughMetal m = rough_metal(materials, part, s, wi, cosine, f);
-    Real visible = real(2) * cosine / m.i, uniform = real(2) * REAL_PI * cosine * (m.d / (m.o * m.i));
+    Real visible = real(2) * cosine / m.i;
+    if (f.use & USE_ALL_NORMALS)
+        visible = only(m.all > real(0), visible / m.all);
+    Real uniform = real(2) * REAL_PI * cosine * (m.d / (m.o * m.i));
     Real share = f.has & HAS_BLEND ? part->share : real(1);
     return light_scale(m.fresnel, (f.use & USE_COSINE ? visible : uniform) / share);
 }
@@ -97,7 +106,7 @@ STAGE Scatter roughconductor_sample(
     Vec wi;
     if (f.use & USE_COSINE) {
         Roughness a = roughness_of(materials, part->row, ROW_AT(RoughConductor, roughness), s, f);
-        Vec m = sample_visible_mirror(s, &a, u, f);
+        Vec m = sample_mirror(s, &a, u, f);
         wi = vec_sub(vec_scale(m, real(2) * vec_dot(s->wo, m) / vec_dot(m, m)), s->wo);
     } else
         wi = vec_from_frame(s->n, sample_hemisphere_uniform(u[0], u[1]));

@@ -53,6 +53,7 @@ typedef struct {
     Real ratio;  /* η_o/η_i */
     Real o, i;   /* 2 cosθ/G1(θ), the former GGX's */
     Real over;   /* what D G1(θo) is over that of GGX */
+    Real all;    /* USE_ALL_NORMALS: what the density of all mirrors is over that of those seen */
 } RoughBoundary;
 
 STAGE RoughBoundary rough_boundary(
@@ -74,6 +75,7 @@ STAGE RoughBoundary rough_boundary(
     b.o = ggx_masking(&a, s->wo, s->cos_o, f);
     b.i = masking(&a, wi, c_i, f);
     b.over = over_ggx(&a, s, h, along, f);
+    b.all = f.use & USE_ALL_NORMALS ? all_over_visible(s, h, along, b.o) : real(1);
     return b;
 }
 
@@ -102,7 +104,10 @@ INLINE Real roughdielectric_pdf_w(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     RoughBoundary b = rough_boundary(materials, part, s, wi, cosine, f);
-    return f.use & USE_COSINE ? real(2) * b.chance * b.spread / b.o : pdf_w_sphere();
+    Real visible = real(2) * b.chance * b.spread / b.o;
+    if (f.use & USE_COSINE)
+        return f.use & USE_ALL_NORMALS ? visible * b.all : visible;
+    return pdf_w_sphere();
 }
 
 /* L9 G1(θi), which (η_o/η_i)² of radiance is apart from (Scatter); L8 4π f_r cosθi. */
@@ -112,6 +117,8 @@ INLINE Light roughdielectric_factor(
     RoughBoundary b = rough_boundary(materials, part, s, wi, cosine, f);
     Real c_i = real_abs(cosine), share = f.has & HAS_BLEND ? part->share : real(1);
     Real visible = only(b.meets, real(2) * c_i / b.i);
+    if (f.use & USE_ALL_NORMALS)
+        visible = only(b.all > real(0), visible / b.all);
     Real uniform = real(16) * REAL_PI * c_i * (b.chance * b.spread / (b.o * b.i));
     return light_scale(rough_boundary_tint(materials, part, s, &b, f),
         (f.use & USE_COSINE ? visible : uniform) / share);
@@ -126,7 +133,7 @@ STAGE Scatter roughdielectric_sample(
     Vec wi = sample_hemisphere_uniform(u[0], u[1]);
     if (f.use & USE_COSINE) {
         Roughness a = roughness_of(materials, part->row, ROW_AT(RoughDielectric, roughness), s, f);
-        Vec m = vec_normalize(sample_visible_mirror(s, &a, u, f));
+        Vec m = vec_normalize(sample_mirror(s, &a, u, f));
         Real c = real_min(vec_dot(s->wo, m), real(1)), c_t = refracted_cosine(c, ratio);
         reflects = real(1) - u[2] >= fresnel_transmittance(c, c_t, ratio);
         wi = vec_sub(vec_scale(m, select(reflects, real(2) * c, ratio * c - c_t)),

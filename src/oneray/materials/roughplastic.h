@@ -132,7 +132,10 @@ STAGE RoughPlasticAt rough_plastic(
     Real fresnel = real(1) - fresnel_transmittance(c, refracted_cosine(c, ratio), ratio);
     Real coat = fresnel * visible * over_ggx(&a, s, h, along, f) / masking(&a, wi, cosine, f);
     Real p = coat_chance(ROW_REAL(materials, part->row, RoughPlastic, plastic.p_specular), out);
-    Real pdf_w = p * (real(0.5) * visible) + (real(1) - p) * pdf_w_hemisphere_cosine(cosine);
+    Real chosen = real(0.5) * visible;
+    if (f.use & USE_ALL_NORMALS)
+        chosen = chosen * all_over_visible(s, h, along, ggx_masking(&a, s->wo, s->cos_o, f));
+    Real pdf_w = p * chosen + (real(1) - p) * pdf_w_hemisphere_cosine(cosine);
     return (RoughPlasticAt){
         light_add(light_scale(tint, f.has & HAS_BLEND ? coat * part->share : coat), light_scale(base, out * in * REAL_INV_PI)),
         f.use & USE_COSINE ? pdf_w : pdf_w_hemisphere_uniform()};
@@ -167,7 +170,7 @@ STAGE Scatter roughplastic_sample(
             coat_transmittance(materials, part->row, s->cos_o));
         Mask coated = u[0] < p;
         Real again[2] = {select(coated, over(u[0], p), over(u[0] - p, real(1) - p)), u[1]};
-        Vec m = sample_visible_mirror(s, &a, again, f);
+        Vec m = sample_mirror(s, &a, again, f);
         Vec mirror = vec_sub(vec_scale(m, real(2) * vec_dot(s->wo, m) / vec_dot(m, m)), s->wo);
         wi = vec_select(coated, mirror, vec_from_frame(s->n, sample_hemisphere_cosine(again[0], again[1])));
     } else

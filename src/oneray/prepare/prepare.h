@@ -114,6 +114,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f.has |= HAS_FILTER;
     if (technique->hemisphere == HEMISPHERE_COSINE)
         f.use |= USE_COSINE;
+    if ((f.has & HAS_ANY(ROUGH_MATERIALS)) && technique->normals == NORMALS_ALL)
+        f.use |= USE_ALL_NORMALS;
     if ((f.has & HAS_DIELECTRIC) && technique->fresnel == FRESNEL_SCHLICK)
         f.use |= USE_SCHLICK;
     if (technique->roulette == ROULETTE_SURVIVAL && (d->max_depth < 0 || d->max_depth > d->rr_depth))

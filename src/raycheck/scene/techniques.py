@@ -46,8 +46,9 @@ class Technique:
 def _options(
     estimator: str, hemisphere: str = "cosine", choice: str = "power", points: str = "area",
     mis: str = "power", mis_pdf: str = "bsdf", roulette: str = "survival", sampler: str = "independent",
+    normals: str = "visible",
 ) -> tuple[str, ...]:  # fmt: skip
-    options = ["--estimator", estimator, "--hemisphere", hemisphere]
+    options = ["--estimator", estimator, "--hemisphere", hemisphere, "--normals", normals]
     if estimator != "walk":
         options += ["--light-choice", choice]
     if estimator in ("nee", "mis"):
@@ -66,6 +67,7 @@ _ANGULAR = Need(lambda c: c.sphere_lights + c.flat_lights > 0, "no light is a sp
 _ROULETTE = Need(lambda c: c.has_roulette, "no path is long enough for roulette")
 _CAP = Need(lambda c: c.max_depth != -1, "without roulette paths would not end")
 _INDIRECT = Need(lambda c: c.has_indirect, "there is direct light only")
+_ROUGH = Need(lambda c: c.rough, "nothing has microfacets")
 _SHOWN = Need(lambda c: not c.hide_emitters, "light paths cannot hide emitters from the eye")
 _BOUNCES = Need(lambda c: c.has_choice or c.has_indirect, "there is one light, and direct light only")
 
@@ -113,6 +115,9 @@ TECHNIQUES: tuple[Technique, ...] = (
         "light and hemisphere samples weighted by the power heuristic", (_LIT,)),
     Technique("mis-uniform-hemisphere", ("L3", "L8", "L10", "L13", "L14"), _options("mis", "uniform"),
         "power heuristic with directions uniform over the hemisphere", (_WEIGHED,)),
+    Technique("mis-all-normals", (*_MIS, "P1"), _options("mis", normals="all"),
+        "power heuristic, microfacets in proportion to their area, whether the viewer sees them or not",
+        (_LIT, _ROUGH)),
     Technique("mis-uniform-choice", ("L3", "L4", "L13", "L14"), _options("mis", choice="uniform"),
         "power heuristic, one of N lights with probability 1/N", (_WEIGHED, _MANY)),
     Technique("mis-contribution", (*_MIS, "L6"), _options("mis", choice="contribution"),
