@@ -37,6 +37,7 @@ ARGUMENTS = {
     "refracts by them too, and radiance is compressed by η²; plastic is a diffuse base under a coat, "
     "smooth or of such mirrors",
     "P4": "a reflectance that is a texture is its value at the (u, v) of the point that the ray meets",
+    "P5": "a sky that is a picture is sampled by what it is between its pixels, whose rows are narrower by sinθ",
     "sampling": "the mean of N samples is right and its error falls by √N only if they are independent",
     "film": "a pixel is the plain mean of its samples, in linear radiance: what is done to them afterwards, "
     "or to some of them, biases it",
