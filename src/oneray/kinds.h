@@ -15,7 +15,7 @@
    sampled but not evaluated. A row of zeros is the first kind's, and black. A coat reflects light besides what the
    row's reflectance says; that of a smooth coat is a delta, which is sampled with the rest. */
 #define SMOOTH_COATS(X) X(PLASTIC, plastic, "plastic")
-#define COATS(X) SMOOTH_COATS(X)
+#define COATS(X) SMOOTH_COATS(X) X(PRINCIPLED, principled, "principled")
 #define FINITE_MATERIALS(X)                                                                                  \
     X(DIFFUSE, diffuse, "diffuse")                                                                           \
     X(ROUGHCONDUCTOR, roughconductor, "rough conductor")                                                     \

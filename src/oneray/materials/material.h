@@ -53,6 +53,16 @@ static inline void store_reflectance(ReflectanceRow *row, const Reflectance *fro
     row->texture = (Num)from->texture;
 }
 
+/* A share that a texture may stand for, likewise. */
+typedef struct {
+    Num number, texture;
+} ShareRow;
+static inline void store_share(ShareRow *row, const Reflectance *from)
+{
+    row->number = (Num)(from->texture ? 1 : from->most[0]);
+    row->texture = (Num)from->texture;
+}
+
 /* A surface point as its material sees it. */
 typedef struct {
     Vec p, n; /* n on the side that the ray came from */
@@ -80,6 +90,19 @@ INLINE Light reflectance_at(const Materials *materials, Index row, size_t place,
         colour = light_mul(colour, texture_at(&materials->textures, texture, s->u, s->v, f));
     }
     return colour;
+}
+
+/* The share that stands there: its number, or its texture's luminance. */
+INLINE Real share_at(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
+{
+    const Num *numbers = materials->numbers + place;
+    Real share = gather(numbers + ROW_AT(Share, number), row << materials->shift);
+    if (f.has & HAS_ANY(TEXTURES)) {
+        Index texture = real_floor(gather(numbers + ROW_AT(Share, texture), row << materials->shift));
+        if (any(texture > 0))
+            share = share * luminance(texture_at(&materials->textures, texture, s->u, s->v, f));
+    }
+    return share;
 }
 
 /* A row of the surface's material: all of it, or a part of a blend. */

@@ -49,19 +49,6 @@ static bool is_kind(const Description *d, Share part, MaterialKind kind)
     return part.material == MATERIAL_NONE ? kind == MATERIAL_DIFFUSE : d->materials[part.material].kind == kind;
 }
 
-/* What light can do at a part: PARTS_…. */
-static Int abilities_of(const Description *d, Share part)
-{
-    Int has = 0;
-#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) && name##_transmits ? PARTS_TRANSMIT : 0;
-    FINITE_MATERIALS(X)
-#undef X
-#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) ? PARTS_DELTA : 0;
-    DELTA_MATERIALS(X) SMOOTH_COATS(X)
-#undef X
-    return has;
-}
-
 static bool part_is_finite(const Description *d, Share part)
 {
     bool finite = false;
@@ -69,6 +56,18 @@ static bool part_is_finite(const Description *d, Share part)
     FINITE_MATERIALS(X)
 #undef X
     return finite;
+}
+
+/* What light can do at a part: PARTS_…. */
+static Int abilities_of(const Description *d, Share part)
+{
+    Int has = 0;
+    if (part_is_finite(d, part) && part.material != MATERIAL_NONE && material_traits(&d->materials[part.material]).transmitted)
+        has |= PARTS_TRANSMIT;
+#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) ? PARTS_DELTA : 0;
+    DELTA_MATERIALS(X) SMOOTH_COATS(X)
+#undef X
+    return has;
 }
 
 /* Diffuse of one colour, or black. */

@@ -136,20 +136,43 @@ static void check_refs(const Builder *builder, Node *node, const char *elements)
 
 static int read_texture(Builder *builder, Node *node);
 
-/* Reads the textures that stand for reflectances. */
+/* The texture as a share has it. Mitsuba 3.9.1's checkerboard has the mean of a colour's channels there, and its colours
+   the other way round than as a reflectance. */
+static int share_of_texture(Description *d, int number)
+{
+    Texture texture = d->textures[number - 1];
+    Checkerboard *board = &texture.as.checkerboard;
+    if (texture.kind != TEXTURE_CHECKERBOARD)
+        return number;
+    const double third[3] = {1.0 / 3, 1.0 / 3, 1.0 / 3};
+    double mean[2] = {dot(board->color0, third), dot(board->color1, third)};
+    for (int c = 0; c < 3; c++)
+        board->color0[c] = mean[1], board->color1[c] = mean[0];
+    PUSH(d->textures, d->texture_count, texture);
+    return d->texture_count;
+}
+
+/* Reads the textures that stand for reflectances and shares. */
 static void load_textures(Builder *builder, void *to, const Said *said)
 {
+    Description *d = builder->description;
     for (const Field *field = said->fields; field->name; field++) {
-        if (field->kind != AS_REFLECTANCE)
+        if (field->kind != AS_REFLECTANCE && field->kind != AS_SHARE)
             continue;
-        Reflectance *reflectance = (Reflectance *)(void *)((char *)to + field->offset);
-        if (!reflectance->element)
+        Reflectance *r = (Reflectance *)(void *)((char *)to + field->offset);
+        if (!r->element)
             continue;
-        reflectance->texture = read_texture(builder, meant_by(builder, reflectance->element, "<texture>"));
-        TextureTraits traits = texture_traits(&builder->description->textures[reflectance->texture - 1]);
-        memcpy(reflectance->most, traits.most, sizeof traits.most);
-        memcpy(reflectance->least, traits.least, sizeof traits.least);
-        reflectance->element = NULL;
+        r->texture = read_texture(builder, meant_by(builder, r->element, "<texture>"));
+        if (field->kind == AS_SHARE)
+            r->texture = share_of_texture(d, r->texture);
+        TextureTraits traits = texture_traits(&d->textures[r->texture - 1]);
+        memcpy(r->most, traits.most, sizeof traits.most);
+        memcpy(r->least, traits.least, sizeof traits.least);
+        for (int c = 0; c < 3; c++)
+            if (r->least[c] < 0 || r->most[c] > 1)
+                fail(r->element, "%s: %s must be in [0,1], and this picture has %g", traits.image->file,
+                     field->kind == AS_SHARE ? field->name : "a reflectance", r->least[c] < 0 ? r->least[c] : r->most[c]);
+        r->element = NULL;
     }
 }
 

@@ -24,7 +24,7 @@ const Reflectance *material_reflectance(const Material *material, int i)
     static const Plugin *const plugins[] = {MATERIALS(X)};
 #undef X
     for (const Field *field = plugins[material->kind]->fields; field->name; field++)
-        if (field->kind == AS_REFLECTANCE && i-- == 0)
+        if ((field->kind == AS_REFLECTANCE || field->kind == AS_SHARE) && i-- == 0)
             return (const Reflectance *)(const void *)((const char *)&material->as + field->offset);
     return NULL;
 }

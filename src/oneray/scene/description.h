@@ -130,7 +130,7 @@ Side shape_side(const Shape *shape, int k);
 /* How many sides a shape has; and one of that kind with planes of its own: as many, else 0, as for a mesh. */
 int shape_sides(const Shape *shape);
 int shape_planes(ShapeKind kind);
-/* The i-th reflectance that a material, no blend, may have a texture for; NULL: there are no more. */
+/* The i-th reflectance or share that a material, no blend, may have a texture for; NULL: there are no more. */
 const Reflectance *material_reflectance(const Material *material, int i);
 /* Does it, or a part of it, look at the texture coordinates of its surface? */
 bool material_wants_uv(const Description *d, int material);

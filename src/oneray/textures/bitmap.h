@@ -24,10 +24,6 @@ static inline void bitmap_check(void *plugin, Said *said)
             t->most[c] = i ? fmax(t->most[c], value) : value;
             t->least[c] = i ? fmin(t->least[c], value) : value;
         }
-    for (int c = 0; c < 3; c++)
-        if (t->least[c] < 0 || t->most[c] > 1)
-            fail(said, "%s: a reflectance must be in [0,1], and this picture has %g", t->image->file,
-                 t->least[c] < 0 ? t->least[c] : t->most[c]);
 }
 
 static const Plugin bitmap_plugin = {"bitmap", bitmap_check, {
