@@ -75,6 +75,7 @@
     X(FRESNEL, fresnel, "Fresnel of metals")                                                                 \
     X(BLEND, blend, "blend of materials")                                                                    \
     X(PARTS, parts, "blend of several finite materials")                                                     \
+    X(WEIGHTS, weights, "textured weights")                                                                  \
     X(FLAT_LIGHT, flat_light, "flat light")                                                                  \
     X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
     X(CYLINDER_LIGHT, cylinder_light, "cylinder light")                                                      \

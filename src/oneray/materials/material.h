@@ -28,7 +28,8 @@ typedef struct {
     Int *kind;   /* MaterialKind; a row of zeros is black, and diffuse */
     Num *p_stay; /* blend: that it is this row's material, none of those before it being it, … */
     Int *next;   /* … else the row to go on with */
-    Num *share;  /* of the whole blend */
+    Num *share;  /* of the whole blend, … */
+    Num *share_by; /* … HAS_WEIGHTS: times these textures, or times what they leave of 1: row, 1 if that, twice */
     Int *has;    /* by first row, of all parts: PARTS_TRANSMIT, a finite one does; PARTS_DELTA, there is one */
     int layers;  /* rows of the longest blend */
     Textures textures;

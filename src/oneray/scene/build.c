@@ -239,11 +239,11 @@ static int read_texture(Builder *builder, Node *node)
 
 static const Plugin twosided_plugin = {.types = "twosided"};
 static const Plugin blend_plugin = {"blendbsdf", NULL, {
-    {"weight", AS_FLOAT, offsetof(Blend, weight), "[0,1]", ""}}};
+    {"weight", AS_SHARE, offsetof(Blend, weight), "[0,1]", ""}}};
 
 /* What is not opaque lets light pass. */
 static const Plugin mask_plugin = {"mask", NULL, {
-    {"opacity", AS_FLOAT, offsetof(Blend, weight), "[0,1]", "0.5"}}};
+    {"opacity", AS_SHARE, offsetof(Blend, weight), "[0,1]", "0.5"}}};
 
 enum { TWOSIDED = MATERIAL_BLEND + 1, MASK };
 static const Plugin *const bsdfs[] = {
@@ -256,6 +256,24 @@ static int add_material(Description *d, Material material)
 }
 
 static const Node *read_bsdf(Builder *builder, Node *node);
+
+static int textured_weights(const Description *d, int index)
+{
+    if (index == MATERIAL_NONE || d->materials[index].kind != MATERIAL_BLEND)
+        return 0;
+    const Blend *blend = &d->materials[index].as.blend;
+    int first = textured_weights(d, blend->first), second = textured_weights(d, blend->second);
+    return (blend->weight.texture != 0) + (first > second ? first : second);
+}
+
+static int add_blend(Description *d, Material blend, int first, int second)
+{
+    blend.as.blend.first = first, blend.as.blend.second = second;
+    int index = add_material(d, blend);
+    if (textured_weights(d, index) > MOST_WEIGHTS)
+        fail(&blend, "textures give the weights of more than %d blends, one in another", MOST_WEIGHTS);
+    return index;
+}
 
 /* L16 weight is the share of the second bsdf; each side of the surface has its own blend. */
 static void read_blend(Builder *builder, Node *node)
@@ -275,11 +293,9 @@ static void read_blend(Builder *builder, Node *node)
         fail(node, "<bsdf type=\"blendbsdf\"> needs two bsdfs inside");
     if (!given(&said, "weight"))
         fail(node, "<bsdf type=\"blendbsdf\"> needs <float name=\"weight\" value=\"0.5\"/>, the second's share");
-    blend.as.blend.first = parts[0]->front, blend.as.blend.second = parts[1]->front;
-    node->front = add_material(builder->description, blend);
-    blend.as.blend.first = parts[0]->back, blend.as.blend.second = parts[1]->back;
+    node->front = add_blend(builder->description, blend, parts[0]->front, parts[1]->front);
     if (parts[0]->back != MATERIAL_NONE || parts[1]->back != MATERIAL_NONE)
-        node->back = add_material(builder->description, blend);
+        node->back = add_blend(builder->description, blend, parts[0]->back, parts[1]->back);
 }
 
 static void read_mask(Builder *builder, Node *node)
@@ -293,11 +309,9 @@ static void read_mask(Builder *builder, Node *node)
         fail(node, "<bsdf type=\"mask\"> needs one bsdf inside");
     null_check(&hole.as.null, NULL);
     const Node *opaque = read_bsdf(builder, inner);
-    mask.as.blend.first = add_material(builder->description, hole);
-    mask.as.blend.second = opaque->front;
-    node->front = add_material(builder->description, mask);
-    mask.as.blend.second = opaque->back;
-    node->back = add_material(builder->description, mask);
+    int passed = add_material(builder->description, hole);
+    node->front = add_blend(builder->description, mask, passed, opaque->front);
+    node->back = add_blend(builder->description, mask, passed, opaque->back);
 }
 
 /* One nested bsdf is on both sides; of two, the first is on the side of the normal. */

@@ -35,7 +35,8 @@ bool material_wants_uv(const Description *d, int index)
         return false;
     const Material *material = &d->materials[index];
     if (material->kind == MATERIAL_BLEND)
-        return material_wants_uv(d, material->as.blend.first) || material_wants_uv(d, material->as.blend.second);
+        return material->as.blend.weight.texture || material_wants_uv(d, material->as.blend.first)
+               || material_wants_uv(d, material->as.blend.second);
     bool textured = false;
     const Reflectance *one;
     for (int i = 0; (one = material_reflectance(material, i)); i++)

@@ -17,9 +17,10 @@ enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind 
 
 #define X(NAME, name, words) struct name name;
 
-/* L16 */
+/* L16 Of a blend's parts no more than so many textures say the weights, one blend in another. */
+enum { MOST_WEIGHTS = 2 };
 typedef struct {
-    double weight;     /* of the second material */
+    Reflectance weight; /* of the second material */
     int first, second; /* index into materials, or MATERIAL_NONE */
 } Blend;
 
