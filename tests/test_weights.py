@@ -87,7 +87,7 @@ def test_at_each_place_it_is_the_blend_of_that_number(
                     value = one("evaluate", o, d, wi[:, here], scene=scene)
                     gone = one("scatter", o, d, u[:, here], scene=scene)
                 if (gone[7] > 0)[lit].all():  # there is no finite part left to evaluate
-                    value = np.zeros(value.shape)
+                    value = np.where(lit, 0, value)
                 same = (wo * wi)[2, here] > 0  # light from behind is asked of glass alone
                 np.testing.assert_allclose(found[0][:4, here][:, same], value[:4, same], rtol=1e-9, atol=1e-14)
                 mean = [(s[3:6] * s[8])[:, lit] for s in (found[1][:, here], gone)]
