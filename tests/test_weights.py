@@ -81,7 +81,7 @@ def test_at_each_place_it_is_the_blend_of_that_number(
             for j in (0, 1):
                 here = (which[0] == i) & (which[1] == j)
                 plain = cases(pair[i], other[j])[name]
-                lit = wo[2, here] > 0 if "mask" not in name else np.full(here.sum(), True)
+                lit = (wo[2, here] > 0) | ('"mask"' in plain)
                 with one.scene(floor(plain), **technique) as scene:
                     o, d = (at + wo)[:, here], -wo[:, here]
                     value = one("evaluate", o, d, wi[:, here], scene=scene)
