@@ -35,6 +35,8 @@ ARGUMENTS = {
     "P1": "a rough metal is many small mirrors: f_r = F D G / (4 cosθi cosθo), with D the share of them "
     "whose normal is the half vector and G the share of those that is seen from both sides; rough glass "
     "refracts by them too, and radiance is compressed by η²; plastic is a diffuse base under a coat",
+    "P2": "a principled material is a sum of lobes with weights that its numbers give: a direction is taken by one of "
+    "them, and its pdf is the sum over all",
     "P4": "a reflectance that is a texture is its value at the (u, v) of the point that the ray meets",
     "sampling": "the mean of N samples is right and its error falls by √N only if they are independent",
     "film": "a pixel is the plain mean of its samples, in linear radiance: what is done to them afterwards, "
