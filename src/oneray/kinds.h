@@ -76,6 +76,7 @@
     X(BLEND, blend, "blend of materials")                                                                    \
     X(PARTS, parts, "blend of several finite materials")                                                     \
     X(WEIGHTS, weights, "textured weights")                                                                  \
+    X(BUMP, bump, "bumps")                                                                                   \
     X(FLAT_LIGHT, flat_light, "flat light")                                                                  \
     X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
     X(CYLINDER_LIGHT, cylinder_light, "cylinder light")                                                      \

@@ -30,6 +30,7 @@ typedef struct {
     Int *next;   /* … else the row to go on with */
     Num *share;  /* of the whole blend, … */
     Num *share_by; /* … HAS_WEIGHTS: times these textures, or times what they leave of 1: row, 1 if that, twice */
+    Num *bump;   /* HAS_BUMP, four numbers a row (bump.h) */
     Int *has;    /* by first row, of all parts: PARTS_TRANSMIT, a finite one does; PARTS_DELTA, there is one */
     int layers;  /* rows of the longest blend */
     Textures textures;
@@ -73,7 +74,7 @@ typedef struct {
     Real cos_o;
     Index slot, of; /* of: its row in the tables by slot */
     Real u, v; /* HAS_UV: texture coordinates, … */
-    Vec dp_du; /* … and where u grows */
+    Vec dp_du, dp_dv; /* … and where they grow */
     Index row, kind;
     Light reflectance; /* the row's */
     Real share;        /* and its share of a blend */

@@ -1,6 +1,7 @@
 /* What a surface does with light, whatever its material: the choice between the kinds, and L16 mixed materials. */
 #pragma once
 
+#include "materials/bump.h"
 #include "kinds/materials.h"
 
 /* Bits of the materials that light goes through. */
@@ -12,7 +13,7 @@
 
 /* Where there is one kind of material and its reflectance is all that goes on, no kind is looked up: a path ends at
    what is black, before it is asked of its kind. */
-INLINE int one_material(Features f) { return IS_ONE(f.has & HAS_ANY(MATERIALS)) && !(f.has & BRIGHT_WHERE_BLACK); }
+INLINE int one_material(Features f) { return IS_ONE(f.has & HAS_ANY(MATERIALS)) && !(f.has & (BRIGHT_WHERE_BLACK | HAS_BUMP)); }
 
 INLINE Index kind_of_row(const Materials *materials, Index row, Features f)
 {
@@ -104,6 +105,14 @@ INLINE Evaluation evaluate_part(
         whole.share = select(share > real(0), share, real(1));
         part = &whole;
     }
+    BumpedSurface bumped;
+    Real own = cosine, shadow = real(1);
+    if (f.has & HAS_BUMP) {
+        bumped = bumped_surface(materials, part->row, s, f);
+        s = &bumped.at;
+        cosine = select(bumped.bumped, vec_dot(s->n, wi), own);
+        shadow = bump_shadow(&bumped, own, cosine);
+    }
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Mask is = one_kind || !MATERIAL_##NAME ? mask_all() : kind == index_of(MATERIAL_##NAME);             \
@@ -116,6 +125,11 @@ INLINE Evaluation evaluate_part(
     }
     FINITE_MATERIALS(X)
 #undef X
+    if (f.has & HAS_BUMP) { /* f_r, like the rest of it, is of the light by the surface's own cosine */
+        out.f_r = light_only(shadow > real(0), light_scale(out.f_r, shadow * real_abs(cosine / own)));
+        out.pdf_w = only(shadow > real(0), out.pdf_w);
+        out.factor = light_only(shadow > real(0), light_scale(out.factor, shadow));
+    }
     if (f.has & HAS_BLEND)
         out.pdf_w = out.pdf_w * share;
     return out;
@@ -210,14 +224,25 @@ STAGE Scatter sample_material(
 #undef X
     }
     Scatter out = {s->n, light_all(real(0)), real(0), s->delta, real(1)};
+    BumpedSurface bumped;
+    const Surface *seen = s;
+    if (f.has & HAS_BUMP) {
+        bumped = bumped_surface(materials, part.row, s, f);
+        seen = &bumped.at;
+    }
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
         if (any(is))                                                                                         \
-            out = scatter_select(is, name##_sample(materials, &part, s, u, f), out, f);                      \
+            out = scatter_select(is, name##_sample(materials, &part, seen, u, f), out, f);                      \
     }
     MATERIALS(X)
 #undef X
+    if (f.has & HAS_BUMP) {
+        Real shadow = bump_shadow(&bumped, vec_dot(s->n, out.wi), vec_dot(seen->n, out.wi));
+        out.factor = light_only(shadow > real(0), light_scale(out.factor, shadow));
+        out.pdf_w = only(shadow > real(0), out.pdf_w);
+    }
     if (f.has & HAS_BLEND)
         out.pdf_w = out.pdf_w * part.share;
     if (f.has & HAS_WEIGHTS) /* by rounding, u may have come to a part that has none */

@@ -93,7 +93,7 @@ static Int abilities_of(const Description *d, Share part)
 /* Diffuse of one colour, or black, of the same share everywhere. */
 static bool is_plain(const Description *d, Share part)
 {
-    if (part.textures)
+    if (part.textures || (part.material != MATERIAL_NONE && d->materials[part.material].bump.texture))
         return false;
     return part.material == MATERIAL_NONE
            || (is_kind(d, part, MATERIAL_DIFFUSE) && !d->materials[part.material].as.diffuse.reflectance.texture);
@@ -141,6 +141,8 @@ static void set_row(Materials *m, const Description *d, int row, Share part, con
         return;
     }
     m->kind[row] = (Int)material->kind;
+    if (m->bump && material->bump.texture)
+        bump_row(&material->bump, side, m->bump + 4 * (size_t)row);
     switch (material->kind) {
 #define X(NAME, name, words)                                                                                 \
     case MATERIAL_##NAME: name##_row(&material->as.name, side, (struct name##_row *)(void *)numbers); break;
@@ -251,6 +253,8 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
     m->numbers = keep(scene, rows, ((size_t)1 << m->shift) * sizeof *m->numbers);
     m->kind = keep(scene, rows, sizeof *m->kind);
     m->has = keep(scene, rows, sizeof *m->has);
+    if (scene->features.has & HAS_BUMP)
+        m->bump = keep(scene, rows, 4 * sizeof *m->bump);
     if (scene->features.has & HAS_BLEND) {
         m->p_stay = keep(scene, rows, sizeof *m->p_stay);
         m->share = keep(scene, rows, sizeof *m->share);

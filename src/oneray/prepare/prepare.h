@@ -65,6 +65,7 @@ static uint64_t features_of_material(const Description *d, int index)
                | features_of_material(d, material->as.blend.first) | features_of_material(d, material->as.blend.second);
     }
     has |= material_traits(material).anisotropic ? HAS_ANISOTROPIC : 0;
+    has |= (material->bump.texture ? HAS_BUMP : 0) | feature_of_texture(d, material->bump.texture);
     const Reflectance *one;
     for (int i = 0; (one = material_reflectance(material, i)); i++)
         has |= feature_of_texture(d, one->texture);

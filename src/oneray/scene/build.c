@@ -245,9 +245,10 @@ static const Plugin blend_plugin = {"blendbsdf", NULL, {
 static const Plugin mask_plugin = {"mask", NULL, {
     {"opacity", AS_SHARE, offsetof(Blend, weight), "[0,1]", "0.5"}}};
 
-enum { TWOSIDED = MATERIAL_BLEND + 1, MASK };
+enum { TWOSIDED = MATERIAL_BLEND + 1, MASK, BUMPMAP, NORMALMAP };
 static const Plugin *const bsdfs[] = {
-    MATERIALS(PLUGIN) [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin, [MASK] = &mask_plugin};
+    MATERIALS(PLUGIN) [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin, [MASK] = &mask_plugin,
+    [BUMPMAP] = &bumpmap_plugin, [NORMALMAP] = &normalmap_plugin};
 
 static int add_material(Description *d, Material material)
 {
@@ -314,6 +315,74 @@ static void read_mask(Builder *builder, Node *node)
     node->back = add_blend(builder->description, mask, passed, opaque->back);
 }
 
+/* The material, or each part of a blend, with this bump; or, without one, with its own as it is behind a twosided. */
+static int bumped(Builder *builder, const Node *node, int index, const Bump *bump)
+{
+    Description *d = builder->description;
+    if (index == MATERIAL_NONE)
+        return MATERIAL_NONE;
+    Material material = d->materials[index];
+    if (material.kind == MATERIAL_BLEND) {
+        material.as.blend.first = bumped(builder, node, material.as.blend.first, bump);
+        material.as.blend.second = bumped(builder, node, material.as.blend.second, bump);
+    } else if (!bump) {
+        material.bump.turned = true;
+    } else {
+        if (material.bump.texture)
+            fail(node, "a bumpmap or normalmap cannot stand in another");
+        if (!bump->is_normal_map && material_traits(&material).anisotropic)
+            fail(node, "an anisotropic bsdf in a bumpmap is not supported: Mitsuba mixes up its directions");
+        material.bump = *bump;
+    }
+    return add_material(d, material);
+}
+
+static bool has_bumps(const Description *d, int index)
+{
+    if (index == MATERIAL_NONE)
+        return false;
+    const Material *m = &d->materials[index];
+    return m->kind == MATERIAL_BLEND ? has_bumps(d, m->as.blend.first) || has_bumps(d, m->as.blend.second) : m->bump.texture;
+}
+
+/* The picture of a bump: bilinear, or it has no slope. */
+static int bump_texture(Builder *builder, Node *node, const Bump *bump)
+{
+    int number = read_texture(builder, meant_by(builder, node, "<texture>"));
+    const Texture *texture = &builder->description->textures[number - 1];
+    if (texture->kind != TEXTURE_BITMAP)
+        fail(node, "the texture of a bumpmap or normalmap must be a bitmap");
+    if (!bump->is_normal_map && texture->as.bitmap.wrap_mode == find_word("repeat, mirror, clamp", "mirror"))
+        fail(node, "\"wrap_mode\" = \"mirror\" is not supported for a bumpmap (repeat, clamp)");
+    return number;
+}
+
+static void read_bump(Builder *builder, Node *node)
+{
+    bool by_normals = strcmp(attribute(node, "type"), "normalmap") == 0;
+    Bump bump = {.texture = 0};
+    Node *inner = NULL, *picture = NULL;
+    read_plugin(builder, node, by_normals ? &normalmap_plugin : &bumpmap_plugin, "<bsdf>, <ref>, <texture>", &bump);
+    for (Node *child = node->first; child; child = child->next) {
+        if (!is_among(child, "<bsdf>, <ref>, <texture>"))
+            continue;
+        const Node *meant = strcmp(child->tag, "ref") ? child : find_id(builder->file, attribute(child, "id"));
+        Node **part = meant && strcmp(meant->tag, "texture") == 0 ? &picture : &inner;
+        if (*part)
+            fail(child, "%s has a second <%s>", describe(node), part == &inner ? "bsdf" : "texture");
+        *part = child;
+    }
+    if (!inner || !picture)
+        fail(node, "%s needs a texture and a bsdf inside", describe(node));
+    const char *name = attribute(picture, "name");
+    if (by_normals && (!name || strcmp(name, "normalmap") != 0))
+        fail(picture, "the texture of a normalmap must have name=\"normalmap\"");
+    bump.texture = bump_texture(builder, picture, &bump);
+    const Node *bsdf = read_bsdf(builder, inner);
+    node->front = bumped(builder, node, bsdf->front, &bump);
+    node->back = bumped(builder, node, bsdf->back, &bump);
+}
+
 /* One nested bsdf is on both sides; of two, the first is on the side of the normal. */
 static void read_twosided(Builder *builder, Node *node)
 {
@@ -331,6 +400,8 @@ static void read_twosided(Builder *builder, Node *node)
         fail(node, "<bsdf type=\"twosided\"> needs a bsdf inside (one for both sides, or two)");
     node->front = sides[0]->front;
     node->back = sides[count - 1]->front;
+    if (has_bumps(builder->description, node->back))
+        node->back = bumped(builder, node, node->back, NULL);
 }
 
 static void read_material(Builder *builder, Node *node)
@@ -344,6 +415,8 @@ static void read_material(Builder *builder, Node *node)
         read_twosided(builder, node);
     } else if (kind == MASK) {
         read_mask(builder, node);
+    } else if (kind == BUMPMAP || kind == NORMALMAP) {
+        read_bump(builder, node);
     } else {
         read_plugin(builder, node, bsdfs[kind], "", &material.as);
         node->front = add_material(builder->description, material);

@@ -37,7 +37,7 @@ bool material_wants_uv(const Description *d, int index)
     if (material->kind == MATERIAL_BLEND)
         return material->as.blend.weight.texture || material_wants_uv(d, material->as.blend.first)
                || material_wants_uv(d, material->as.blend.second);
-    bool textured = false;
+    bool textured = material->bump.texture != 0;
     const Reflectance *one;
     for (int i = 0; (one = material_reflectance(material, i)); i++)
         textured = textured || one->texture;

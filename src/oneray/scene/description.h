@@ -4,6 +4,7 @@
 
 #include "filters/filter.h"
 #include "images/image.h"
+#include "materials/bump.h"
 #include "kinds.h"
 #include "kinds/emitters.h"
 #include "kinds/materials.h"
@@ -28,6 +29,7 @@ typedef struct {
     MaterialKind kind;
     const char *file; /* with line, where it stands */
     int line;
+    Bump bump; /* around it, of no blend */
     union {
         MATERIALS(X)
         Blend blend;
