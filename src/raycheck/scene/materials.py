@@ -45,6 +45,20 @@ class Texture:
 
 
 @dataclass(frozen=True)
+class Bump:
+    """What turns the normal: a `texture` of heights, `scale` times its luminance, or of normals (x + 1)/2 in the
+    surface's frame. If it is `shadowed`, light is taken away by Estevez et al. (2019). From behind what is along
+    the surface is the other way, unless a twosided is around it: `turned`.
+    """
+
+    texture: Texture
+    by_normals: bool
+    scale: float
+    shadowed: bool
+    turned: bool = False
+
+
+@dataclass(frozen=True)
 class Material:
     """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
 
@@ -70,6 +84,7 @@ class Material:
     nonlinear: bool = False
     textures: Mapping[str, Texture] = field(default_factory=dict)
     principled: Mapping[str, float] = field(default_factory=dict)
+    bump: Bump | None = None
 
     @property
     def is_mirror(self) -> bool:
@@ -83,9 +98,13 @@ class Material:
         return own or any(part.has_back for part in self.parts)
 
     @property
+    def anisotropic(self) -> bool:
+        return self.alpha[0] != self.alpha[1] or self.principled.get("anisotropic", 0) != 0
+
+    @property
     def wants_uv(self) -> bool:
         """It, or a part of it, depends on the texture coordinates of its surface."""
-        own = bool(self.textures) or self.alpha[0] != self.alpha[1] or self.principled.get("anisotropic", 0) != 0
+        own = bool(self.textures) or self.bump is not None or self.anisotropic
         return own or any(part.wants_uv for part in self.parts)
 
 
@@ -95,6 +114,8 @@ class Source:
 
     said: Said
     parts: list[Material]
+    pictures: list[Element]
+    """The textures in it that are no property."""
     texture: Callable[[Element], Texture]
     """That of a <texture>, or of the one that a <ref> means."""
 
@@ -428,6 +449,47 @@ def _mask(of: Source) -> Material:
     return _of_parts(of, "opacity", (Material("null", np.ones(3)), of.parts[0]))
 
 
+def _bump(of: Source) -> Material:
+    said, which, by_normals = of.said, described(of.said.element), of.said.type == "normalmap"
+    if len(of.parts) != 1 or len(of.pictures) != 1:
+        fail(said.element, f"{which} needs a texture and a bsdf inside")
+    picture, texture = of.pictures[0], of.texture(of.pictures[0])
+    if by_normals and picture.get("name") != "normalmap":
+        fail(picture, 'the texture of a normalmap must have name="normalmap"')
+    if texture.kind != "bitmap":
+        fail(picture, "the texture of a bumpmap or normalmap must be a bitmap")
+    if not by_normals and texture.wrap == "mirror":
+        fail(picture, '"wrap_mode" = "mirror" is not supported for a bumpmap (repeat, clamp)')
+    if not said.flag("flip_invalid_normals"):
+        fail(said.element, '"flip_invalid_normals" = "false" is not supported (true)')
+    scale = 1.0 if by_normals else said.number("scale")
+    return _bumped(of, of.parts[0], Bump(texture, by_normals, scale, said.flag("use_shadowing_function")))
+
+
+def _bumped(of: Source, one: Material, bump: Bump) -> Material:
+    """It, or each of its parts."""
+    if one.parts:
+        return replace(one, parts=tuple(_bumped(of, part, bump) for part in one.parts))
+    if one.bump is not None:
+        fail(of.said.element, "a bumpmap or normalmap cannot stand in another")
+    if not bump.by_normals and one.anisotropic:
+        fail(of.said.element, "an anisotropic bsdf in a bumpmap is not supported: Mitsuba mixes up its directions")
+    return replace(one, bump=bump)
+
+
+def _turned(one: Material) -> Material:
+    """As a twosided has it."""
+    bump = one.bump and replace(one.bump, turned=True)
+    return replace(one, bump=bump, parts=tuple(map(_turned, one.parts)))
+
+
+def _told_bump(bump: Bump) -> Row:
+    picture = TEXTURES["bitmap"].told(bump.texture)
+    kind = "normals" if bump.by_normals else "heights"
+    how = {"scale": bump.scale, "shadowed": bump.shadowed, "turned": bump.turned}
+    return {"of": kind, **how, **picture}
+
+
 def _twosided(of: Source) -> Material:
     parts, which = of.parts, described(of.said.element)
     if not 0 < len(parts) < 3:
@@ -436,7 +498,7 @@ def _twosided(of: Source) -> Material:
         fail(of.said.element, f"{which} cannot hold a bsdf that has a back side (twosided, dielectric)")
     if len(parts) == 2 and parts[0] is not parts[1]:
         fail(of.said.element, f"{which} with two bsdfs is not supported by raycheck: only with one")
-    return replace(parts[0], two_sided=True)
+    return replace(_turned(parts[0]), two_sided=True)
 
 
 MATERIALS: dict[str, Kind] = {
@@ -469,21 +531,28 @@ MATERIALS: dict[str, Kind] = {
     ),
     "null": Kind(lambda _: Material("null", np.ones(3)), lambda _: {"type": "null"}, {"null": {}}),
     "mask": Kind(_mask, _told_blend, {}, ("bsdf", "ref")),
+    **{
+        kind: Kind(_bump, lambda one: told(one), {}, ("bsdf", "ref", "texture"))
+        for kind in ("bumpmap", "normalmap")
+    },
     "twosided": Kind(_twosided, lambda one: told(one), {}, ("bsdf", "ref")),
 }  # fmt: skip
 """By Mitsuba's name."""
 
 
 def read_material(
-    element: Element, inner: Callable[[Element], Material], texture: Callable[[Element], Texture]
-) -> Material:
-    """Of a <bsdf>; `inner` is that of one inside, `texture` that of a <texture> or <ref>."""
+    element: Element, inner: Callable[[Element], Material], texture: Callable[[Element], Texture],
+    is_texture: Callable[[Element], bool],
+) -> Material:  # fmt: skip
+    """Of a <bsdf>; `inner` is that of one inside, `texture` that of a <texture> or <ref>, which `is_texture` knows."""
     kind = MATERIALS.get(element.attrib["type"])
     holds = kind.holds if kind else ()
     with Said(element, holds) as said:
         if kind is None:
             fail(element, f"{described(element)} is not supported by raycheck")
-        return kind.read(Source(said, [inner(one) for one in element if one.tag in holds], texture))
+        held = [one for one in element if one.tag in holds]
+        pictures = [one for one in held if is_texture(one)]
+        return kind.read(Source(said, [inner(one) for one in held if one not in pictures], pictures, texture))
 
 
 def read_texture(element: Element, file: Callable[[str], Path]) -> Texture:
@@ -498,7 +567,8 @@ def read_texture(element: Element, file: Callable[[str], Path]) -> Texture:
 def told(one: Material) -> Row:
     """As plain data, which the schema describes."""
     row = MATERIALS[one.kind].told(one)
-    return {"type": row.pop("type"), "two_sided": one.two_sided, **row}
+    bump = {} if one.bump is None else {"bump": _told_bump(one.bump)}
+    return {"type": row.pop("type"), "two_sided": one.two_sided, **row, **bump}
 
 
 def _told_colour(one: Material, name: str) -> Row:
@@ -539,6 +609,18 @@ def schema() -> tuple[dict[str, list[Row]], list[Row]]:
     }
     kinds = [_of_schema(name, fields) for kind in MATERIALS.values() for name, fields in kind.fields.items()]
     return textured, kinds
+
+
+def schema_of_bump() -> Row:
+    """What turns the normal of a material, as plain data."""
+    fields = {
+        "of": {"enum": ["heights", "normals"]},
+        "scale": {**NUMBER, "description": "Of heights: times their luminance"},
+        "shadowed": {"type": "boolean", "description": "By Estevez et al., Ray Tracing Gems, 2019"},
+        "turned": {"type": "boolean", "description": "From behind what is along the surface is not turned about"},
+        **TEXTURES["bitmap"].fields,
+    }  # fmt: skip
+    return {"type": "object", "required": [*fields], "properties": fields}
 
 
 def _of_schema(name: str, fields: Mapping[str, Row]) -> Row:
