@@ -24,9 +24,10 @@ def text() -> str:
         for name, rows in textured.items()
     )
     return (
-        f'{head}{colours}    "material": {{\n'
+        f'{head}{colours}    "bump": {json.dumps(materials.schema_of_bump(), ensure_ascii=False)},\n'
+        '    "material": {\n'
         '      "type": "object",\n      "required": ["type", "two_sided"],\n'
-        '      "properties": {"two_sided": {"type": "boolean"}},\n'
+        '      "properties": {"two_sided": {"type": "boolean"}, "bump": {"$ref": "#/$defs/bump"}},\n'
         f'      "oneOf": [\n{_rows(kinds)}\n      ]\n    }}\n  }}\n}}\n'
     )
 

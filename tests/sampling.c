@@ -232,7 +232,7 @@ OVER_COLUMNS(scatter)
     put_light(b, 12, wi.f_r);
     put(b, 15, wi.pdf_w);
     put_light(b, 16, wi.factor);
-    put_index(b, 19, f.has & HAS_BLEND ? choose_part(&scene->materials, &s, which[0]) : s.row);
+    put_index(b, 19, f.has & HAS_BLEND ? choose_part(&scene->materials, &s, which[0], f) : s.row);
     put_mask(b, 20, hit.slot >= index_of(0));
 }
 

@@ -16,7 +16,7 @@
    row's reflectance says; that of a smooth coat is a delta, which is sampled with the rest. */
 #define SMOOTH_COATS(X) X(PLASTIC, plastic, "plastic")
 #define ROUGH_COATS(X) X(ROUGHPLASTIC, roughplastic, "rough plastic")
-#define COATS(X) SMOOTH_COATS(X) ROUGH_COATS(X)
+#define COATS(X) SMOOTH_COATS(X) ROUGH_COATS(X) X(PRINCIPLED, principled, "principled")
 #define ROUGH_BOUNDARIES(X)                                                                                  \
     X(ROUGHCONDUCTOR, roughconductor, "rough conductor")                                                     \
     X(ROUGHDIELECTRIC, roughdielectric, "rough dielectric")
@@ -76,6 +76,8 @@
     X(FRESNEL, fresnel, "Fresnel of metals")                                                                 \
     X(BLEND, blend, "blend of materials")                                                                    \
     X(PARTS, parts, "blend of several finite materials")                                                     \
+    X(WEIGHTS, weights, "textured weights")                                                                  \
+    X(BUMP, bump, "bumps")                                                                                   \
     X(FLAT_LIGHT, flat_light, "flat light")                                                                  \
     X(SPHERE_LIGHT, sphere_light, "sphere light")                                                            \
     X(CYLINDER_LIGHT, cylinder_light, "cylinder light")                                                      \

@@ -468,6 +468,9 @@ void options_check(const Options *options, const Description *scene)
     }
     if (options->technique.estimator == ESTIMATOR_LIGHT && scene->hide_emitters)
         die("%s: hide_emitters is not supported with --estimator light", options->scene);
+    for (int i = 0; options->technique.estimator == ESTIMATOR_LIGHT && i < scene->material_count; i++)
+        if (scene->materials[i].bump.texture)
+            fail(&scene->materials[i], "--estimator light: a bumpmap or normalmap is not supported there");
     if (scene->max_depth < 0 && options->technique.roulette == ROULETTE_NONE)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;

@@ -21,7 +21,7 @@ STAGE Surface surface_at(
     s.cos_o = real_abs(cosine);
     if (f.has & HAS_UV) {
         SurfaceFrame frame = surface_frame(shapes, s.slot, s.of, s.p, f);
-        s.u = frame.u, s.v = frame.v, s.dp_du = frame.dp_du;
+        s.u = frame.u, s.v = frame.v, s.dp_du = frame.dp_du, s.dp_dv = frame.dp_dv;
     }
     s.row = s.of * 2 + index_select(cosine > real(0), index_of(0), index_of(1));
     find_material(materials, &s, f);

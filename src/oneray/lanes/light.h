@@ -20,6 +20,8 @@ INLINE Light light_mix(Light a, Light b, Real t)
     return (Light){a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
 }
 INLINE Real light_max(Light a) { return real_max(real_max(a.r, a.g), a.b); }
+/* Of linear sRGB, by Mitsuba's weights, .212671, .715160 and .072169; exactly that of the channels where they are equal. */
+INLINE Real luminance(Light a) { return a.g + real(0.212671) * (a.r - a.g) + real(0.072169) * (a.b - a.g); }
 INLINE Light light_select(Mask m, Light a, Light b)
 {
     return (Light){select(m, a.r, b.r), select(m, a.g, b.g), select(m, a.b, b.b)};

@@ -28,7 +28,9 @@ typedef struct {
     Int *kind;   /* MaterialKind; a row of zeros is black, and diffuse */
     Num *p_stay; /* blend: that it is this row's material, none of those before it being it, … */
     Int *next;   /* … else the row to go on with */
-    Num *share;  /* of the whole blend */
+    Num *share;  /* of the whole blend, … */
+    Num *share_by; /* … HAS_WEIGHTS: times these textures, or times what they leave of 1: row, 1 if that, twice */
+    Num *bump;   /* HAS_BUMP, four numbers a row (bump.h) */
     Int *has;    /* by first row, of all parts: PARTS_TRANSMIT, a finite one does; PARTS_DELTA, there is one */
     int layers;  /* rows of the longest blend */
     Textures textures;
@@ -53,6 +55,16 @@ static inline void store_reflectance(ReflectanceRow *row, const Reflectance *fro
     row->texture = (Num)from->texture;
 }
 
+/* A share that a texture may stand for, likewise. */
+typedef struct {
+    Num number, texture;
+} ShareRow;
+static inline void store_share(ShareRow *row, const Reflectance *from)
+{
+    row->number = (Num)(from->texture ? 1 : from->most[0]);
+    row->texture = (Num)from->texture;
+}
+
 /* A surface point as its material sees it. */
 typedef struct {
     Vec p, n; /* n on the side that the ray came from */
@@ -62,7 +74,7 @@ typedef struct {
     Real cos_o;
     Index slot, of; /* of: its row in the tables by slot */
     Real u, v; /* HAS_UV: texture coordinates, … */
-    Vec dp_du; /* … and where u grows */
+    Vec dp_du, dp_dv; /* … and where they grow */
     Index row, kind;
     Light reflectance; /* the row's */
     Real share;        /* and its share of a blend */
@@ -80,6 +92,19 @@ INLINE Light reflectance_at(const Materials *materials, Index row, size_t place,
         colour = light_mul(colour, texture_at(&materials->textures, texture, s->u, s->v, f));
     }
     return colour;
+}
+
+/* The share that stands there: its number, or its texture's luminance. */
+INLINE Real share_at(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
+{
+    const Num *numbers = materials->numbers + place;
+    Real share = gather(numbers + ROW_AT(Share, number), row << materials->shift);
+    if (f.has & HAS_ANY(TEXTURES)) {
+        Index texture = real_floor(gather(numbers + ROW_AT(Share, texture), row << materials->shift));
+        if (any(texture > 0))
+            share = share * luminance(texture_at(&materials->textures, texture, s->u, s->v, f));
+    }
+    return share;
 }
 
 /* A row of the surface's material: all of it, or a part of a blend. */

@@ -61,6 +61,14 @@ typedef struct {
 } Roughness;
 
 /* The tangents are dp/du less what lies along the shading normal, and across that, as Mitsuba's; any where it is 0. */
+INLINE void set_tangents(Roughness *a, const Surface *s)
+{
+    vec_frame(s->n, &a->along_u, &a->along_v);
+    Vec tangent = vec_sub(s->dp_du, vec_scale(s->n, vec_dot(s->n, s->dp_du)));
+    a->along_u = vec_select(vec_dot(tangent, tangent) > real(0), vec_normalize(tangent), a->along_u);
+    a->along_v = vec_cross(s->n, a->along_u);
+}
+
 INLINE Roughness roughness_of(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
 {
     const Num *numbers = materials->numbers + place;
@@ -71,10 +79,7 @@ INLINE Roughness roughness_of(const Materials *materials, Index row, size_t plac
     if (!(f.has & HAS_ANISOTROPIC))
         return a;
     a.v = gather(numbers + ROW_AT(Roughness, v), row << materials->shift);
-    vec_frame(s->n, &a.along_u, &a.along_v);
-    Vec tangent = vec_sub(s->dp_du, vec_scale(s->n, vec_dot(s->n, s->dp_du)));
-    a.along_u = vec_select(vec_dot(tangent, tangent) > real(0), vec_normalize(tangent), a.along_u);
-    a.along_v = vec_cross(s->n, a.along_u);
+    set_tangents(&a, s);
     return a;
 }
 

@@ -1,6 +1,7 @@
 /* What a surface does with light, whatever its material: the choice between the kinds, and L16 mixed materials. */
 #pragma once
 
+#include "materials/bump.h"
 #include "kinds/materials.h"
 
 /* Bits of the materials that light goes through. */
@@ -12,7 +13,7 @@
 
 /* Where there is one kind of material and its reflectance is all that goes on, no kind is looked up: a path ends at
    what is black, before it is asked of its kind. */
-INLINE int one_material(Features f) { return IS_ONE(f.has & HAS_ANY(MATERIALS)) && !(f.has & BRIGHT_WHERE_BLACK); }
+INLINE int one_material(Features f) { return IS_ONE(f.has & HAS_ANY(MATERIALS)) && !(f.has & (BRIGHT_WHERE_BLACK | HAS_BUMP)); }
 
 INLINE Index kind_of_row(const Materials *materials, Index row, Features f)
 {
@@ -34,6 +35,33 @@ INLINE Mask is_delta(Index kind, Features f)
     return delta;
 }
 
+/* HAS_WEIGHTS: what textures make of a row's share of a blend. */
+INLINE Real textured_share(const Materials *materials, Index row, const Surface *s, Features f)
+{
+    Real by[4], share = real(1);
+    gather_four(materials->share_by, row * 4, by);
+    for (int i = 0; i < 4; i += 2) {
+        Index texture = real_floor(by[i]);
+        if (!any(texture > 0))
+            continue;
+        Real weight = luminance(texture_at(&materials->textures, texture, s->u, s->v, f));
+        share = share * select(by[i + 1] > real(0), real(1) - weight, weight);
+    }
+    return share;
+}
+
+/* Of the random numbers that come to a row of a blend, how many stay: at most 2, of the last. *left is what the rows before
+   have left of the whole. */
+INLINE Real stays(const Materials *materials, Index row, Real share, Real *left, Features f)
+{
+    Real p_stay = gather(materials->p_stay, row);
+    if (f.has & HAS_WEIGHTS) {
+        p_stay = select(p_stay < real(1), only(*left > real(0), share / *left), p_stay);
+        *left = *left - share;
+    }
+    return p_stay;
+}
+
 /* The numbers of the surface's first row, s->row. */
 INLINE void find_material(const Materials *materials, Surface *s, Features f)
 {
@@ -41,6 +69,11 @@ INLINE void find_material(const Materials *materials, Surface *s, Features f)
     s->reflectance = reflectance_at(materials, s->row, 0, s, f);
     s->share = f.has & HAS_BLEND ? gather(materials->p_stay, s->row) : real(1);
     s->delta = is_delta(s->kind, f);
+    if (f.has & HAS_WEIGHTS) {
+        Real by = textured_share(materials, s->row, s, f);
+        s->share = select(s->share < real(1), gather(materials->share, s->row) * by, s->share);
+        s->reflectance = light_scale(s->reflectance, select(s->delta, real(1), by));
+    }
     s->both_sides =
         f.has & FINITE_TRANSMITTING ? (gather_index(materials->has, s->row) & PARTS_TRANSMIT) != 0 : mask_none();
 }
@@ -65,7 +98,21 @@ INLINE Evaluation evaluate_part(
     int some_transmit = (f.has & FINITE_TRANSMITTING) != 0;
     int one_kind = IS_ONE(f.has & HAS_ANY(FINITE_MATERIALS)) && !some_transmit && !(f.has & HAS_ANY(COATS));
     Evaluation out = {light_all(real(0)), real(0), light_all(real(0))};
+    Part whole = *part;
+    Real share = part->share;
     (void)kind;
+    if (f.has & HAS_WEIGHTS) { /* kinds divide by it */
+        whole.share = select(share > real(0), share, real(1));
+        part = &whole;
+    }
+    BumpedSurface bumped;
+    Real own = cosine, shadow = real(1);
+    if (f.has & HAS_BUMP) {
+        bumped = bumped_surface(materials, part->row, s, f);
+        s = &bumped.at;
+        cosine = select(bumped.bumped, vec_dot(s->n, wi), own);
+        shadow = bump_shadow(&bumped, own, cosine);
+    }
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Mask is = one_kind || !MATERIAL_##NAME ? mask_all() : kind == index_of(MATERIAL_##NAME);             \
@@ -78,16 +125,26 @@ INLINE Evaluation evaluate_part(
     }
     FINITE_MATERIALS(X)
 #undef X
+    if (f.has & HAS_BUMP) { /* f_r, like the rest of it, is of the light by the surface's own cosine */
+        out.f_r = light_only(shadow > real(0), light_scale(out.f_r, shadow * real_abs(cosine / own)));
+        out.pdf_w = only(shadow > real(0), out.pdf_w);
+        out.factor = light_only(shadow > real(0), light_scale(out.factor, shadow));
+    }
     if (f.has & HAS_BLEND)
-        out.pdf_w = out.pdf_w * part->share;
+        out.pdf_w = out.pdf_w * share;
     return out;
 }
 
 /* A row beyond the first. */
 INLINE Part part_of_row(const Materials *materials, const Surface *s, Index row, Features f)
 {
-    Real share = f.has & HAS_PARTS ? gather(materials->share, row) : s->share;
-    return (Part){row, reflectance_at(materials, row, 0, s, f), share};
+    Part part = {row, reflectance_at(materials, row, 0, s, f), f.has & HAS_PARTS ? gather(materials->share, row) : s->share};
+    if (f.has & HAS_WEIGHTS) {
+        Real by = textured_share(materials, row, s, f);
+        part.share = gather(materials->share, row) * by;
+        part.reflectance = light_scale(part.reflectance, select(is_delta(kind_of_row(materials, row, f), f), real(1), by));
+    }
+    return part;
 }
 
 /* L16 Takes the parts of mixed materials that are no delta together: Σ f_r, Σ share pdf_w. */
@@ -95,7 +152,7 @@ INLINE void evaluate_other_parts(
     const Materials *materials, const Surface *s, Vec wi, Real cosine, Evaluation *sum, Features f)
 {
     Index row = s->row;
-    Real p_stay = s->share;
+    Real p_stay = f.has & HAS_WEIGHTS ? gather(materials->p_stay, row) : s->share;
     for (int layer = 1; layer < materials->layers; layer++) {
         Mask more = p_stay < real(1);
         if (!any(more))
@@ -124,17 +181,18 @@ INLINE Evaluation evaluate_material(const Materials *materials, const Surface *s
 
 /* L16 A mixed material: one of its parts, each with its share, "diffuse = 1 - (refl + refr)". Parts that are no
    delta come first, so that light sampling finds them. */
-INLINE Index choose_part(const Materials *materials, const Surface *s, Real u)
+INLINE Index choose_part(const Materials *materials, const Surface *s, Real u, Features f)
 {
     Index row = s->row;
-    Real p_stay = s->share;
+    Real p_stay = s->share, left = real(1) - p_stay;
     for (int layer = 1; layer < materials->layers; layer++) {
         Mask on = u >= p_stay;
         if (!any(on))
             break;
         u = select(on, (u - p_stay) / (real(1) - p_stay), u);
         row = index_select(on, gather_index(materials->next, row), row);
-        p_stay = select(on, gather(materials->p_stay, row), real(2));
+        Real share = f.has & HAS_WEIGHTS ? part_of_row(materials, s, row, f).share : real(0);
+        p_stay = select(on, stays(materials, row, share, &left, f), real(2));
     }
     return row;
 }
@@ -155,7 +213,7 @@ STAGE Scatter sample_material(
     Part part = {s->row, s->reflectance, s->share};
     Index kind = s->kind;
     if (f.has & HAS_BLEND) {
-        part = part_of_row(materials, s, choose_part(materials, s, which[0]), f);
+        part = part_of_row(materials, s, choose_part(materials, s, which[0], f), f);
         kind = kind_of_row(materials, part.row, f);
     }
     if (one_material(f)) {
@@ -166,16 +224,29 @@ STAGE Scatter sample_material(
 #undef X
     }
     Scatter out = {s->n, light_all(real(0)), real(0), s->delta, real(1)};
+    BumpedSurface bumped;
+    const Surface *seen = s;
+    if (f.has & HAS_BUMP) {
+        bumped = bumped_surface(materials, part.row, s, f);
+        seen = &bumped.at;
+    }
 #define X(NAME, name, words)                                                                                 \
     if (f.has & HAS_##NAME) {                                                                                \
         Mask is = kind == index_of(MATERIAL_##NAME);                                                         \
         if (any(is))                                                                                         \
-            out = scatter_select(is, name##_sample(materials, &part, s, u, f), out, f);                      \
+            out = scatter_select(is, name##_sample(materials, &part, seen, u, f), out, f);                      \
     }
     MATERIALS(X)
 #undef X
+    if (f.has & HAS_BUMP) {
+        Real shadow = bump_shadow(&bumped, vec_dot(s->n, out.wi), vec_dot(seen->n, out.wi));
+        out.factor = light_only(shadow > real(0), light_scale(out.factor, shadow));
+        out.pdf_w = only(shadow > real(0), out.pdf_w);
+    }
     if (f.has & HAS_BLEND)
         out.pdf_w = out.pdf_w * part.share;
+    if (f.has & HAS_WEIGHTS) /* by rounding, u may have come to a part that has none */
+        out.factor = light_only(part.share > real(0), out.factor);
     if (f.has & HAS_PARTS) {
         Real cosine = vec_dot(s->n, out.wi);
         Evaluation all = evaluate_material(materials, s, out.wi, cosine, f);

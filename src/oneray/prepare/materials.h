@@ -22,44 +22,51 @@ static int texture_shift(Features f)
 }
 #undef X
 
-/* A part of a blend: a material that is no blend, or MATERIAL_NONE, and its share of the whole. */
+/* A part of a blend: a material that is no blend, or MATERIAL_NONE, and its share of the whole, times those of textures,
+   or of what they leave (rest). */
 typedef struct {
     int material;
     double share;
+    int textures;
+    struct {
+        int texture;
+        bool rest;
+    } by[MOST_WEIGHTS];
 } Share;
 
 /* L16 The parts of a material on one side of a surface: nested blends multiply their weights. Fills parts, if
    not NULL; returns how many there are. */
-static int parts_of(const Description *d, int material, double share, Share *parts)
+static int add_parts(const Description *d, Share whole, Share *parts)
 {
-    if (share == 0)
+    int material = whole.material;
+    if (whole.share == 0)
         return 0;
     if (material == MATERIAL_NONE || d->materials[material].kind != MATERIAL_BLEND) {
         if (parts)
-            *parts = (Share){material, share};
+            *parts = whole;
         return 1;
     }
     const Blend *blend = &d->materials[material].as.blend;
-    int first = parts_of(d, blend->first, share * (1 - blend->weight), parts);
-    return first + parts_of(d, blend->second, share * blend->weight, parts ? parts + first : NULL);
+    Share first = whole, second = whole;
+    first.material = blend->first, second.material = blend->second;
+    if (blend->weight.texture) {
+        int n = whole.textures;
+        first.textures = second.textures = n + 1;
+        first.by[n].texture = second.by[n].texture = blend->weight.texture;
+        first.by[n].rest = true, second.by[n].rest = false;
+    } else
+        first.share *= 1 - blend->weight.most[0], second.share *= blend->weight.most[0];
+    int count = add_parts(d, first, parts);
+    return count + add_parts(d, second, parts ? parts + count : NULL);
+}
+static int parts_of(const Description *d, int material, Share *parts)
+{
+    return add_parts(d, (Share){.material = material, .share = 1}, parts);
 }
 
 static bool is_kind(const Description *d, Share part, MaterialKind kind)
 {
     return part.material == MATERIAL_NONE ? kind == MATERIAL_DIFFUSE : d->materials[part.material].kind == kind;
-}
-
-/* What light can do at a part: PARTS_…. */
-static Int abilities_of(const Description *d, Share part)
-{
-    Int has = 0;
-#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) && name##_transmits ? PARTS_TRANSMIT : 0;
-    FINITE_MATERIALS(X)
-#undef X
-#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) ? PARTS_DELTA : 0;
-    DELTA_MATERIALS(X) SMOOTH_COATS(X)
-#undef X
-    return has;
 }
 
 static bool part_is_finite(const Description *d, Share part)
@@ -71,9 +78,23 @@ static bool part_is_finite(const Description *d, Share part)
     return finite;
 }
 
-/* Diffuse of one colour, or black. */
+/* What light can do at a part: PARTS_…. */
+static Int abilities_of(const Description *d, Share part)
+{
+    Int has = 0;
+    if (part_is_finite(d, part) && part.material != MATERIAL_NONE && material_traits(&d->materials[part.material]).transmitted)
+        has |= PARTS_TRANSMIT;
+#define X(NAME, name, words) has |= is_kind(d, part, MATERIAL_##NAME) ? PARTS_DELTA : 0;
+    DELTA_MATERIALS(X) SMOOTH_COATS(X)
+#undef X
+    return has;
+}
+
+/* Diffuse of one colour, or black, of the same share everywhere. */
 static bool is_plain(const Description *d, Share part)
 {
+    if (part.textures || (part.material != MATERIAL_NONE && d->materials[part.material].bump.texture))
+        return false;
     return part.material == MATERIAL_NONE
            || (is_kind(d, part, MATERIAL_DIFFUSE) && !d->materials[part.material].as.diffuse.reflectance.texture);
 }
@@ -84,7 +105,7 @@ static bool is_plain(const Description *d, Share part)
 static int sort_parts(const Description *d, Share *parts, int count, double albedo[3], int *finite)
 {
     Share *others = allocate((size_t)count, sizeof *others);
-    Share diffuse = {MATERIAL_NONE, 0};
+    Share diffuse = {.material = MATERIAL_NONE};
     int left = 0;
     for (int i = 0; i < count; i++) {
         if (!is_plain(d, parts[i])) {
@@ -115,10 +136,13 @@ static void set_row(Materials *m, const Description *d, int row, Share part, con
     Num *numbers = m->numbers + ((size_t)row << m->shift);
     const Material *material = part.material == MATERIAL_NONE ? NULL : &d->materials[part.material];
     if (!material) {
-        store(numbers, albedo);
+        if (!part.textures)
+            store(numbers, albedo);
         return;
     }
     m->kind[row] = (Int)material->kind;
+    if (m->bump && material->bump.texture)
+        bump_row(&material->bump, side, m->bump + 4 * (size_t)row);
     switch (material->kind) {
 #define X(NAME, name, words)                                                                                 \
     case MATERIAL_##NAME: name##_row(&material->as.name, side, (struct name##_row *)(void *)numbers); break;
@@ -133,10 +157,10 @@ static void set_row(Materials *m, const Description *d, int row, Share part, con
 /* Row `row` and, from `more` on, the rows that a blend goes on with; returns the first row that is still free. */
 static int set_rows(Materials *m, const Description *d, int row, int more, int material, int side)
 {
-    int count = parts_of(d, material, 1, NULL), finite;
+    int count = parts_of(d, material, NULL), finite;
     Share *parts = allocate((size_t)count, sizeof *parts);
     double albedo[3] = {0}, left = 1;
-    parts_of(d, material, 1, parts);
+    parts_of(d, material, parts);
     int layers = sort_parts(d, parts, count, albedo, &finite);
     for (int k = 0; k < layers; k++)
         m->has[row] |= abilities_of(d, parts[k]);
@@ -144,9 +168,14 @@ static int set_rows(Materials *m, const Description *d, int row, int more, int m
         int last = k + 1 == layers;
         set_row(m, d, row, parts[k], albedo, side);
         if (m->p_stay) {
-            m->p_stay[row] = last ? (k ? 2 : 1) : (Num)(parts[k].share / left); /* 2: above every random number */
+            double stays = m->share_by ? 0 : parts[k].share / left; /* where textures do not change it */
+            m->p_stay[row] = last ? (k ? 2 : 1) : (Num)stays; /* 2: above every random number */
             m->share[row] = (Num)parts[k].share;
             m->next[row] = more;
+        }
+        for (int i = 0; m->share_by && i < parts[k].textures; i++) {
+            m->share_by[4 * row + 2 * i] = (Num)parts[k].by[i].texture;
+            m->share_by[4 * row + 2 * i + 1] = parts[k].by[i].rest;
         }
         left -= parts[k].share;
         row = more;
@@ -162,9 +191,9 @@ static bool has_finite_parts(const Description *d)
 {
     bool has = false;
     for (int i = 0; i < d->material_count && !has; i++) {
-        int count = parts_of(d, i, 1, NULL), finite;
+        int count = parts_of(d, i, NULL), finite;
         Share *parts = allocate((size_t)count, sizeof *parts);
-        parts_of(d, i, 1, parts);
+        parts_of(d, i, parts);
         sort_parts(d, parts, count, (double[3]){0}, &finite);
         has = finite > 1;
         free(parts);
@@ -219,15 +248,19 @@ static void prepare_materials(Scene *scene, const Description *d, const int *fir
     for (int i = 0; i < d->shape_count; i++)
         for (int side = 0; side < 2; side++)
             rows += (size_t)slots_of(d->shapes[i].kind)
-                    * (size_t)parts_of(d, side ? d->shapes[i].back : d->shapes[i].front, 1, NULL);
+                    * (size_t)parts_of(d, side ? d->shapes[i].back : d->shapes[i].front, NULL);
     m->shift = material_shift(scene->features);
     m->numbers = keep(scene, rows, ((size_t)1 << m->shift) * sizeof *m->numbers);
     m->kind = keep(scene, rows, sizeof *m->kind);
     m->has = keep(scene, rows, sizeof *m->has);
+    if (scene->features.has & HAS_BUMP)
+        m->bump = keep(scene, rows, 4 * sizeof *m->bump);
     if (scene->features.has & HAS_BLEND) {
         m->p_stay = keep(scene, rows, sizeof *m->p_stay);
         m->share = keep(scene, rows, sizeof *m->share);
         m->next = keep(scene, rows, sizeof *m->next);
+        if (scene->features.has & HAS_WEIGHTS)
+            m->share_by = keep(scene, rows, 4 * sizeof *m->share_by);
     }
     for (int i = 0; i < d->shape_count; i++)
         for (int row = 0; row < 2 * slots_of(d->shapes[i].kind); row++)

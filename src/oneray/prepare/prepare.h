@@ -48,20 +48,28 @@ static uint64_t features_of_emitter(const Description *d, const Emitter *light)
     return has | (shape == SHAPE_MESH ? HAS_MESH_LIGHT : shape == SHAPE_SPHERE ? HAS_SPHERE_LIGHT : HAS_CYLINDER_LIGHT);
 }
 
+static uint64_t feature_of_texture(const Description *d, int texture)
+{
+    return texture ? HAS_OF(CHECKERBOARD, d->textures[texture - 1].kind - TEXTURE_CHECKERBOARD) : 0;
+}
+
 static uint64_t features_of_material(const Description *d, int index)
 {
     if (index == MATERIAL_NONE)
         return 0;
     const Material *material = &d->materials[index];
-    if (material->kind == MATERIAL_BLEND)
-        return HAS_BLEND | features_of_material(d, material->as.blend.first)
-               | features_of_material(d, material->as.blend.second);
     uint64_t has = material_wants_uv(d, index) ? HAS_UV : 0;
+    if (material->kind == MATERIAL_BLEND) {
+        int texture = material->as.blend.weight.texture;
+        return has | HAS_BLEND | (texture ? HAS_WEIGHTS : 0) | feature_of_texture(d, texture)
+               | features_of_material(d, material->as.blend.first) | features_of_material(d, material->as.blend.second);
+    }
     has |= material_traits(material).anisotropic ? HAS_ANISOTROPIC : 0;
     has |= material_traits(material).beckmann ? HAS_BECKMANN : 0;
+    has |= (material->bump.texture ? HAS_BUMP : 0) | feature_of_texture(d, material->bump.texture);
     const Reflectance *one;
     for (int i = 0; (one = material_reflectance(material, i)); i++)
-        has |= one->texture ? HAS_OF(CHECKERBOARD, d->textures[one->texture - 1].kind - TEXTURE_CHECKERBOARD) : 0;
+        has |= feature_of_texture(d, one->texture);
     bool metal = material->kind == MATERIAL_CONDUCTOR && material->as.conductor.fresnel;
     return has | HAS_OF(DIFFUSE, material->kind) | (metal ? HAS_FRESNEL : 0);
 }

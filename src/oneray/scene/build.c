@@ -136,20 +136,43 @@ static void check_refs(const Builder *builder, Node *node, const char *elements)
 
 static int read_texture(Builder *builder, Node *node);
 
-/* Reads the textures that stand for reflectances. */
+/* The texture as a share has it. Mitsuba 3.9.1's checkerboard has the mean of a colour's channels there, and its colours
+   the other way round than as a reflectance. */
+static int share_of_texture(Description *d, int number)
+{
+    Texture texture = d->textures[number - 1];
+    Checkerboard *board = &texture.as.checkerboard;
+    if (texture.kind != TEXTURE_CHECKERBOARD)
+        return number;
+    const double third[3] = {1.0 / 3, 1.0 / 3, 1.0 / 3};
+    double mean[2] = {dot(board->color0, third), dot(board->color1, third)};
+    for (int c = 0; c < 3; c++)
+        board->color0[c] = mean[1], board->color1[c] = mean[0];
+    PUSH(d->textures, d->texture_count, texture);
+    return d->texture_count;
+}
+
+/* Reads the textures that stand for reflectances and shares. */
 static void load_textures(Builder *builder, void *to, const Said *said)
 {
+    Description *d = builder->description;
     for (const Field *field = said->fields; field->name; field++) {
-        if (field->kind != AS_REFLECTANCE)
+        if (field->kind != AS_REFLECTANCE && field->kind != AS_SHARE)
             continue;
-        Reflectance *reflectance = (Reflectance *)(void *)((char *)to + field->offset);
-        if (!reflectance->element)
+        Reflectance *r = (Reflectance *)(void *)((char *)to + field->offset);
+        if (!r->element)
             continue;
-        reflectance->texture = read_texture(builder, meant_by(builder, reflectance->element, "<texture>"));
-        TextureTraits traits = texture_traits(&builder->description->textures[reflectance->texture - 1]);
-        memcpy(reflectance->most, traits.most, sizeof traits.most);
-        memcpy(reflectance->least, traits.least, sizeof traits.least);
-        reflectance->element = NULL;
+        r->texture = read_texture(builder, meant_by(builder, r->element, "<texture>"));
+        if (field->kind == AS_SHARE)
+            r->texture = share_of_texture(d, r->texture);
+        TextureTraits traits = texture_traits(&d->textures[r->texture - 1]);
+        memcpy(r->most, traits.most, sizeof traits.most);
+        memcpy(r->least, traits.least, sizeof traits.least);
+        for (int c = 0; c < 3; c++)
+            if (r->least[c] < 0 || r->most[c] > 1)
+                fail(r->element, "%s: %s must be in [0,1], and this picture has %g", traits.image->file,
+                     field->kind == AS_SHARE ? field->name : "a reflectance", r->least[c] < 0 ? r->least[c] : r->most[c]);
+        r->element = NULL;
     }
 }
 
@@ -216,15 +239,16 @@ static int read_texture(Builder *builder, Node *node)
 
 static const Plugin twosided_plugin = {.types = "twosided"};
 static const Plugin blend_plugin = {"blendbsdf", NULL, {
-    {"weight", AS_FLOAT, offsetof(Blend, weight), "[0,1]", ""}}};
+    {"weight", AS_SHARE, offsetof(Blend, weight), "[0,1]", ""}}};
 
 /* What is not opaque lets light pass. */
 static const Plugin mask_plugin = {"mask", NULL, {
-    {"opacity", AS_FLOAT, offsetof(Blend, weight), "[0,1]", "0.5"}}};
+    {"opacity", AS_SHARE, offsetof(Blend, weight), "[0,1]", "0.5"}}};
 
-enum { TWOSIDED = MATERIAL_BLEND + 1, MASK };
+enum { TWOSIDED = MATERIAL_BLEND + 1, MASK, BUMPMAP, NORMALMAP };
 static const Plugin *const bsdfs[] = {
-    MATERIALS(PLUGIN) [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin, [MASK] = &mask_plugin};
+    MATERIALS(PLUGIN) [MATERIAL_BLEND] = &blend_plugin, [TWOSIDED] = &twosided_plugin, [MASK] = &mask_plugin,
+    [BUMPMAP] = &bumpmap_plugin, [NORMALMAP] = &normalmap_plugin};
 
 static int add_material(Description *d, Material material)
 {
@@ -233,6 +257,24 @@ static int add_material(Description *d, Material material)
 }
 
 static const Node *read_bsdf(Builder *builder, Node *node);
+
+static int textured_weights(const Description *d, int index)
+{
+    if (index == MATERIAL_NONE || d->materials[index].kind != MATERIAL_BLEND)
+        return 0;
+    const Blend *blend = &d->materials[index].as.blend;
+    int first = textured_weights(d, blend->first), second = textured_weights(d, blend->second);
+    return (blend->weight.texture != 0) + (first > second ? first : second);
+}
+
+static int add_blend(Description *d, Material blend, int first, int second)
+{
+    blend.as.blend.first = first, blend.as.blend.second = second;
+    int index = add_material(d, blend);
+    if (textured_weights(d, index) > MOST_WEIGHTS)
+        fail(&blend, "textures give the weights of more than %d blends, one in another", MOST_WEIGHTS);
+    return index;
+}
 
 /* L16 weight is the share of the second bsdf; each side of the surface has its own blend. */
 static void read_blend(Builder *builder, Node *node)
@@ -252,11 +294,9 @@ static void read_blend(Builder *builder, Node *node)
         fail(node, "<bsdf type=\"blendbsdf\"> needs two bsdfs inside");
     if (!given(&said, "weight"))
         fail(node, "<bsdf type=\"blendbsdf\"> needs <float name=\"weight\" value=\"0.5\"/>, the second's share");
-    blend.as.blend.first = parts[0]->front, blend.as.blend.second = parts[1]->front;
-    node->front = add_material(builder->description, blend);
-    blend.as.blend.first = parts[0]->back, blend.as.blend.second = parts[1]->back;
+    node->front = add_blend(builder->description, blend, parts[0]->front, parts[1]->front);
     if (parts[0]->back != MATERIAL_NONE || parts[1]->back != MATERIAL_NONE)
-        node->back = add_material(builder->description, blend);
+        node->back = add_blend(builder->description, blend, parts[0]->back, parts[1]->back);
 }
 
 static void read_mask(Builder *builder, Node *node)
@@ -270,11 +310,77 @@ static void read_mask(Builder *builder, Node *node)
         fail(node, "<bsdf type=\"mask\"> needs one bsdf inside");
     null_check(&hole.as.null, NULL);
     const Node *opaque = read_bsdf(builder, inner);
-    mask.as.blend.first = add_material(builder->description, hole);
-    mask.as.blend.second = opaque->front;
-    node->front = add_material(builder->description, mask);
-    mask.as.blend.second = opaque->back;
-    node->back = add_material(builder->description, mask);
+    int passed = add_material(builder->description, hole);
+    node->front = add_blend(builder->description, mask, passed, opaque->front);
+    node->back = add_blend(builder->description, mask, passed, opaque->back);
+}
+
+/* The material, or each part of a blend, with this bump; or, without one, with its own as it is behind a twosided. */
+static int bumped(Builder *builder, const Node *node, int index, const Bump *bump)
+{
+    Description *d = builder->description;
+    if (index == MATERIAL_NONE)
+        return MATERIAL_NONE;
+    Material material = d->materials[index];
+    if (material.kind == MATERIAL_BLEND) {
+        material.as.blend.first = bumped(builder, node, material.as.blend.first, bump);
+        material.as.blend.second = bumped(builder, node, material.as.blend.second, bump);
+    } else if (!bump) {
+        material.bump.turned = true;
+    } else {
+        if (material.bump.texture)
+            fail(node, "a bumpmap or normalmap cannot stand in another");
+        if (!bump->is_normal_map && material_traits(&material).anisotropic)
+            fail(node, "an anisotropic bsdf in a bumpmap is not supported: Mitsuba mixes up its directions");
+        material.bump = *bump;
+    }
+    return add_material(d, material);
+}
+
+static bool has_bumps(const Description *d, int index)
+{
+    if (index == MATERIAL_NONE)
+        return false;
+    const Material *m = &d->materials[index];
+    return m->kind == MATERIAL_BLEND ? has_bumps(d, m->as.blend.first) || has_bumps(d, m->as.blend.second) : m->bump.texture;
+}
+
+/* The picture of a bump: bilinear, or it has no slope. */
+static int bump_texture(Builder *builder, Node *node, const Bump *bump)
+{
+    int number = read_texture(builder, meant_by(builder, node, "<texture>"));
+    const Texture *texture = &builder->description->textures[number - 1];
+    if (texture->kind != TEXTURE_BITMAP)
+        fail(node, "the texture of a bumpmap or normalmap must be a bitmap");
+    if (!bump->is_normal_map && texture->as.bitmap.wrap_mode == find_word("repeat, mirror, clamp", "mirror"))
+        fail(node, "\"wrap_mode\" = \"mirror\" is not supported for a bumpmap (repeat, clamp)");
+    return number;
+}
+
+static void read_bump(Builder *builder, Node *node)
+{
+    bool by_normals = strcmp(attribute(node, "type"), "normalmap") == 0;
+    Bump bump = {.texture = 0};
+    Node *inner = NULL, *picture = NULL;
+    read_plugin(builder, node, by_normals ? &normalmap_plugin : &bumpmap_plugin, "<bsdf>, <ref>, <texture>", &bump);
+    for (Node *child = node->first; child; child = child->next) {
+        if (!is_among(child, "<bsdf>, <ref>, <texture>"))
+            continue;
+        const Node *meant = strcmp(child->tag, "ref") ? child : find_id(builder->file, attribute(child, "id"));
+        Node **part = meant && strcmp(meant->tag, "texture") == 0 ? &picture : &inner;
+        if (*part)
+            fail(child, "%s has a second <%s>", describe(node), part == &inner ? "bsdf" : "texture");
+        *part = child;
+    }
+    if (!inner || !picture)
+        fail(node, "%s needs a texture and a bsdf inside", describe(node));
+    const char *name = attribute(picture, "name");
+    if (by_normals && (!name || strcmp(name, "normalmap") != 0))
+        fail(picture, "the texture of a normalmap must have name=\"normalmap\"");
+    bump.texture = bump_texture(builder, picture, &bump);
+    const Node *bsdf = read_bsdf(builder, inner);
+    node->front = bumped(builder, node, bsdf->front, &bump);
+    node->back = bumped(builder, node, bsdf->back, &bump);
 }
 
 /* One nested bsdf is on both sides; of two, the first is on the side of the normal. */
@@ -294,6 +400,8 @@ static void read_twosided(Builder *builder, Node *node)
         fail(node, "<bsdf type=\"twosided\"> needs a bsdf inside (one for both sides, or two)");
     node->front = sides[0]->front;
     node->back = sides[count - 1]->front;
+    if (has_bumps(builder->description, node->back))
+        node->back = bumped(builder, node, node->back, NULL);
 }
 
 static void read_material(Builder *builder, Node *node)
@@ -307,6 +415,8 @@ static void read_material(Builder *builder, Node *node)
         read_twosided(builder, node);
     } else if (kind == MASK) {
         read_mask(builder, node);
+    } else if (kind == BUMPMAP || kind == NORMALMAP) {
+        read_bump(builder, node);
     } else {
         read_plugin(builder, node, bsdfs[kind], "", &material.as);
         node->front = add_material(builder->description, material);

@@ -24,7 +24,7 @@ const Reflectance *material_reflectance(const Material *material, int i)
     static const Plugin *const plugins[] = {MATERIALS(X)};
 #undef X
     for (const Field *field = plugins[material->kind]->fields; field->name; field++)
-        if (field->kind == AS_REFLECTANCE && i-- == 0)
+        if ((field->kind == AS_REFLECTANCE || field->kind == AS_SHARE) && i-- == 0)
             return (const Reflectance *)(const void *)((const char *)&material->as + field->offset);
     return NULL;
 }
@@ -35,8 +35,9 @@ bool material_wants_uv(const Description *d, int index)
         return false;
     const Material *material = &d->materials[index];
     if (material->kind == MATERIAL_BLEND)
-        return material_wants_uv(d, material->as.blend.first) || material_wants_uv(d, material->as.blend.second);
-    bool textured = false;
+        return material->as.blend.weight.texture || material_wants_uv(d, material->as.blend.first)
+               || material_wants_uv(d, material->as.blend.second);
+    bool textured = material->bump.texture != 0;
     const Reflectance *one;
     for (int i = 0; (one = material_reflectance(material, i)); i++)
         textured = textured || one->texture;

@@ -4,6 +4,7 @@
 
 #include "filters/filter.h"
 #include "images/image.h"
+#include "materials/bump.h"
 #include "kinds.h"
 #include "kinds/emitters.h"
 #include "kinds/materials.h"
@@ -17,9 +18,10 @@ enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind 
 
 #define X(NAME, name, words) struct name name;
 
-/* L16 */
+/* L16 Of a blend's parts no more than so many textures say the weights, one blend in another. */
+enum { MOST_WEIGHTS = 2 };
 typedef struct {
-    double weight;     /* of the second material */
+    Reflectance weight; /* of the second material */
     int first, second; /* index into materials, or MATERIAL_NONE */
 } Blend;
 
@@ -27,6 +29,7 @@ typedef struct {
     MaterialKind kind;
     const char *file; /* with line, where it stands */
     int line;
+    Bump bump; /* around it, of no blend */
     union {
         MATERIALS(X)
         Blend blend;
@@ -130,7 +133,7 @@ Side shape_side(const Shape *shape, int k);
 /* How many sides a shape has; and one of that kind with planes of its own: as many, else 0, as for a mesh. */
 int shape_sides(const Shape *shape);
 int shape_planes(ShapeKind kind);
-/* The i-th reflectance that a material, no blend, may have a texture for; NULL: there are no more. */
+/* The i-th reflectance or share that a material, no blend, may have a texture for; NULL: there are no more. */
 const Reflectance *material_reflectance(const Material *material, int i);
 /* Does it, or a part of it, look at the texture coordinates of its surface? */
 bool material_wants_uv(const Description *d, int material);

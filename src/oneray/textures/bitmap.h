@@ -26,10 +26,6 @@ static inline void bitmap_check(void *plugin, Said *said)
             t->most[c] = i ? fmax(t->most[c], value) : value;
             t->least[c] = i ? fmin(t->least[c], value) : value;
         }
-    for (int c = 0; c < 3; c++)
-        if (t->least[c] < 0 || t->most[c] > 1)
-            fail(said, "%s: a reflectance must be in [0,1], and this picture has %g", t->image->file,
-                 t->least[c] < 0 ? t->least[c] : t->most[c]);
 }
 
 static const Plugin bitmap_plugin = {"bitmap", bitmap_check, {
@@ -81,17 +77,37 @@ INLINE void bitmap_pixels(Real u, Real n, Real wrap, Real nearest, Index pixel[2
     pixel[1] = index_select(before > last, index_select(repeat, index_of(0), last), before);
 }
 
-INLINE Light bitmap_at(const Textures *textures, Index row, Real u, Real v)
+/* The four pixels around (u, v), the shares of the second column and line, and the size. */
+INLINE void bitmap_around(
+    const Textures *textures, Index row, Real u, Real v, Light value[4], Real share[2], Real size[4])
 {
-    Real size[4], share[2];
     Index column[2], line[2], first = gather_index(textures->first, row);
     gather_four(textures->numbers + offsetof(BitmapRow, width) / sizeof(Num), row << textures->shift, size);
     bitmap_pixels(u, size[0], size[2], size[3], column, &share[0]);
     bitmap_pixels(v, size[1], size[2], size[3], line, &share[1]);
-    Light value[4];
     for (int i = 0; i < 4; i++)
         value[i] = light_gather(textures->pixels, (first + line[i / 2] * real_floor(size[0]) + column[i % 2]) * 3);
+}
+
+INLINE Light bitmap_at(const Textures *textures, Index row, Real u, Real v)
+{
+    Light value[4];
+    Real share[2], size[4];
+    bitmap_around(textures, row, u, v, value, share, size);
     return light_mix(light_mix(value[0], value[1], share[0]), light_mix(value[2], value[3], share[0]), share[1]);
+}
+
+/* By how much its luminance grows with (u, v), by pixels; to_uv is not undone, and `size` says how many they are. */
+INLINE void bitmap_slope(const Textures *textures, Index row, Real u, Real v, Real slope[2], Real size[4])
+{
+    Light value[4];
+    Real share[2], at[4];
+    bitmap_around(textures, row, u, v, value, share, size);
+    for (int i = 0; i < 4; i++)
+        at[i] = luminance(value[i]);
+    Mask smooth = mask_not(size[3] > real(0));
+    slope[0] = only(smooth, (real(1) - share[1]) * (at[1] - at[0]) + share[1] * (at[3] - at[2]));
+    slope[1] = only(smooth, (real(1) - share[0]) * (at[2] - at[0]) + share[0] * (at[3] - at[1]));
 }
 
 #endif

@@ -34,6 +34,8 @@ class SceneContent:
     """Mirrors, glass or mixed materials are about, where no light path can be joined to the eye."""
     rough: bool = False
     """Microfacets are about."""
+    bumps: bool = False
+    """A bumpmap or normalmap is about."""
     hide_emitters: bool = False
     filtered: bool = False
     """By a filter wider than a pixel, which makes the noise of neighbours alike; Mitsuba's default is one."""
@@ -85,6 +87,7 @@ def read_content(scene: Path, parameters: Mapping[str, str] | None = None) -> Sc
         rr_depth=int(setting("integer", "rr_depth", "5")), sphere_lights=shining.count("sphere"),
         flat_lights=sum(kind in FLAT for kind in shining), faces=sum(kind in MANY_FACES for kind in shining),
         specular=bool(materials & SPECULAR), rough=any(kind.startswith("rough") for kind in materials),
+        bumps=bool(materials & {"bumpmap", "normalmap"}),
         radiances=tuple(
             max(map(float, value.get("value", "").replace(",", " ").split()), default=0.0)
             for value in root.iterfind(".//emitter/rgb[@name='radiance']")

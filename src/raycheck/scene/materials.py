@@ -21,6 +21,12 @@ from raycheck.scene.pictures import read_picture
 from raycheck.scene.plugins import Said, described, fail
 
 TRANSMITTING = ("dielectric", "thindielectric", "roughdielectric", "null")
+PRINCIPLED = (
+    "roughness", "anisotropic", "metallic", "spec_trans", "spec_tint", "sheen", "sheen_tint", "flatness",
+    "clearcoat",
+)  # fmt: skip
+"""Numbers of a principled material that a texture may stand for."""
+LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 METALS = Path(__file__).with_name("metals.json")
 Row = dict[str, Any]
 
@@ -40,6 +46,20 @@ class Texture:
 
 
 @dataclass(frozen=True)
+class Bump:
+    """What turns the normal: a `texture` of heights, `scale` times its luminance, or of normals (x + 1)/2 in the
+    surface's frame. If it is `shadowed`, light is taken away by Estevez et al. (2019). From behind what is along
+    the surface is the other way, unless a twosided is around it: `turned`.
+    """
+
+    texture: Texture
+    by_normals: bool
+    scale: float
+    shadowed: bool
+    turned: bool = False
+
+
+@dataclass(frozen=True)
 class Material:
     """`kind` is Mitsuba's type; reflectance (3,) diffuse or specular.
 
@@ -48,8 +68,9 @@ class Material:
     `specular` (3,) is what of the light that a coat mirrors goes on; light between the coat and what is under
     it loses colour at every turn if it is `nonlinear`. `alpha` is the roughness along dp/du and across, by
     GGX's distribution if not `beckmann`. A blend has two `parts` and the `weight` of the second. A
-    `two_sided` one looks the same from behind, where others are black. A colour that is one of the
-    `textures`, by name, is NaN.
+    `two_sided` one looks the same from behind, where others are black. A `principled` one has its numbers
+    there, by Mitsuba's names. A colour or number that is one of the `textures`, by name, is NaN; of a
+    number's texture all channels are equal.
     """
 
     kind: str
@@ -65,6 +86,8 @@ class Material:
     specular: Array = field(default_factory=lambda: np.ones(3))
     nonlinear: bool = False
     textures: Mapping[str, Texture] = field(default_factory=dict)
+    principled: Mapping[str, float] = field(default_factory=dict)
+    bump: Bump | None = None
 
     @property
     def is_mirror(self) -> bool:
@@ -74,13 +97,17 @@ class Material:
     @property
     def has_back(self) -> bool:
         """It, or a part of it, is seen from behind."""
-        own = self.two_sided or self.kind in TRANSMITTING
+        own = self.two_sided or self.kind in TRANSMITTING or self.principled.get("spec_trans", 0) != 0
         return own or any(part.has_back for part in self.parts)
+
+    @property
+    def anisotropic(self) -> bool:
+        return self.alpha[0] != self.alpha[1] or self.principled.get("anisotropic", 0) != 0
 
     @property
     def wants_uv(self) -> bool:
         """It, or a part of it, depends on the texture coordinates of its surface."""
-        own = bool(self.textures) or self.alpha[0] != self.alpha[1]
+        own = bool(self.textures) or self.bump is not None or self.anisotropic
         return own or any(part.wants_uv for part in self.parts)
 
 
@@ -90,6 +117,8 @@ class Source:
 
     said: Said
     parts: list[Material]
+    pictures: list[Element]
+    """The textures in it that are no property."""
     texture: Callable[[Element], Texture]
     """That of a <texture>, or of the one that a <ref> means."""
 
@@ -102,6 +131,13 @@ class Source:
             for name, said in properties.items()
         }
         return {**colours, "textures": textures}
+
+    def shares(self, *names: str) -> tuple[dict[str, float], dict[str, Texture]]:
+        """Numbers, and the textures that stand for some."""
+        elements = {name: self.said.texture(name) for name in names}
+        textures = {name: _of_share(self.texture(one)) for name, one in elements.items() if one is not None}
+        numbers = {name: np.nan if name in textures else self.said.number(name) for name in names}
+        return numbers, textures
 
     def ratio(self) -> Array:
         """(3,) the index inside over that outside."""
@@ -124,6 +160,17 @@ class Source:
         return np.array(_metals()[name]["eta"]) / beside, np.array(_metals()[name]["k"]) / beside
 
 
+def _of_share(one: Texture) -> Texture:
+    """As a number has it, in all channels: a picture's luminance; of a checkerboard, as in Mitsuba 3.9.1, the means
+    over the channels, and its colours the other way round.
+    """
+    if one.kind == "checkerboard":
+        grey = one.colours.mean(axis=-1)[::-1]
+    else:
+        grey = one.colours @ LUMINANCE
+    return replace(one, colours=np.repeat(grey[..., None], 3, axis=-1))
+
+
 @functools.cache
 def _metals() -> dict[str, dict[str, list[float]]]:
     """Mitsuba's indices of refraction, by name (scripts/make_metals.py)."""
@@ -137,6 +184,8 @@ TEXTURED: dict[str, Row] = {
     name: {"$ref": f"#/$defs/{name}"} for name in ("reflectance", "transmittance", "specular")
 }
 """Colours for which a texture may stand."""
+SHARES: dict[str, Row] = {name: {"$ref": f"#/$defs/{name}"} for name in ("weight_of_second", *PRINCIPLED)}
+"""Numbers of 0 … 1 for which a texture may stand."""
 REFLECTANCE = {"reflectance": TEXTURED["reflectance"]}
 INDEX = {**NUMBER, "description": "Index inside over index outside"}
 GLASS: dict[str, Row] = {**REFLECTANCE, "transmittance": TEXTURED["transmittance"], "eta": INDEX}
@@ -166,7 +215,11 @@ TABLE: Row = {
     "type": "array", "items": NUMBER, "minItems": NODES, "maxItems": NODES,
     "description": "Of light at cosines of 0 … 1, evenly spaced, what the coat lets through; linear between",
 }  # fmt: skip
-WEIGHT = {**NUMBER, "minimum": 0, "maximum": 1}
+SHARE = {**NUMBER, "minimum": 0, "maximum": 1}
+DISNEY: dict[str, Row] = {
+    **REFLECTANCE, "eta": INDEX, **{name: SHARES[name] for name in PRINCIPLED},
+    "clearcoat_gloss": {**SHARE, "description": "The coat's GTR1 has the α .1 at 0 and .001 at 1"},
+}  # fmt: skip
 PARTS = {"type": "array", "items": {"$ref": "#/$defs/material"}, "minItems": 2, "maxItems": 2}
 
 
@@ -354,23 +407,110 @@ def _told_roughplastic(one: Material) -> Row:
     return _told_rough(one, "plastic", rest)
 
 
+def _principled(of: Source) -> Material:
+    said = of.said
+    colours, (numbers, textures) = of.colours(reflectance="base_color"), of.shares(*PRINCIPLED)
+    numbers["clearcoat_gloss"] = said.number("clearcoat_gloss")
+    for lobe in ("main_specular", "clearcoat", "diffuse_reflectance"):
+        said.number(f"{lobe}_sampling_rate")  # how it is sampled, not what it is
+    if said.given("eta") is not None and said.given("specular") is not None:
+        fail(said.element, f"{described(said.element)}: write eta or specular")
+    eta, specular = said.number("eta"), said.number("specular")
+    if said.given("eta") is None:  # as Mitsuba, also that glass has a boundary
+        specular = 1e-3 if specular == 0 and numbers["spec_trans"] != 0 else specular
+        eta = 2 / (1 - (0.08 * specular) ** 0.5) - 1
+    elif eta == 1 and numbers["spec_trans"] != 0:
+        eta = 1.001
+    textures |= colours.pop("textures")
+    return Material("principled", **colours, eta=np.full(3, eta), principled=numbers, textures=textures)
+
+
+def _told_principled(one: Material) -> Row:
+    numbers = one.principled
+    shares = [_told_share(one, name, name, numbers[name]) for name in PRINCIPLED]
+    row = {"type": "principled", **_told_colour(one, "reflectance"), "eta": float(one.eta[0])}
+    for share in shares:
+        row |= share
+    return {**row, "clearcoat_gloss": numbers["clearcoat_gloss"]}
+
+
 def _blend(of: Source) -> Material:
     said = of.said
     if len(of.parts) != 2 or said.given("weight") is None:
         fail(said.element, f'{described(said.element)} needs two bsdfs and the "weight" of the second')
-    return Material("blendbsdf", np.zeros(3), weight=said.number("weight"), parts=tuple(of.parts))
+    return _of_parts(of, "weight", tuple(of.parts))
+
+
+def _of_parts(of: Source, weight: str, parts: tuple[Material, ...]) -> Material:
+    """A blend; the property says the weight of the second."""
+    numbers, textures = of.shares(weight)
+    textures = {"weight": one for one in textures.values()}
+    mixed = Material("blendbsdf", np.zeros(3), weight=numbers[weight], parts=parts, textures=textures)
+    if _weights(mixed) > MOST_WEIGHTS:
+        which = described(of.said.element)
+        fail(of.said.element, f"{which}: textures give the weights of more than two blends, one in another")
+    return mixed
+
+
+MOST_WEIGHTS = 2
+
+
+def _weights(one: Material) -> int:
+    """Of how many blends, one in another, do textures give the weight?"""
+    return ("weight" in one.textures) + max(map(_weights, one.parts), default=0)
 
 
 def _told_blend(one: Material) -> Row:
-    return {"type": "blend", "weight_of_second": one.weight, "parts": [told(part) for part in one.parts]}
+    weight = _told_share(one, "weight", "weight_of_second", one.weight)
+    return {"type": "blend", **weight, "parts": [told(part) for part in one.parts]}
 
 
 def _mask(of: Source) -> Material:
     """A blend with what lets light pass."""
     if len(of.parts) != 1:
         fail(of.said.element, f"{described(of.said.element)} needs one bsdf inside")
-    parts = (Material("null", np.ones(3)), of.parts[0])
-    return Material("blendbsdf", np.zeros(3), weight=of.said.number("opacity"), parts=parts)
+    return _of_parts(of, "opacity", (Material("null", np.ones(3)), of.parts[0]))
+
+
+def _bump(of: Source) -> Material:
+    said, which, by_normals = of.said, described(of.said.element), of.said.type == "normalmap"
+    if len(of.parts) != 1 or len(of.pictures) != 1:
+        fail(said.element, f"{which} needs a texture and a bsdf inside")
+    picture, texture = of.pictures[0], of.texture(of.pictures[0])
+    if by_normals and picture.get("name") != "normalmap":
+        fail(picture, 'the texture of a normalmap must have name="normalmap"')
+    if texture.kind != "bitmap":
+        fail(picture, "the texture of a bumpmap or normalmap must be a bitmap")
+    if not by_normals and texture.wrap == "mirror":
+        fail(picture, '"wrap_mode" = "mirror" is not supported for a bumpmap (repeat, clamp)')
+    if not said.flag("flip_invalid_normals"):
+        fail(said.element, '"flip_invalid_normals" = "false" is not supported (true)')
+    scale = 1.0 if by_normals else said.number("scale")
+    return _bumped(of, of.parts[0], Bump(texture, by_normals, scale, said.flag("use_shadowing_function")))
+
+
+def _bumped(of: Source, one: Material, bump: Bump) -> Material:
+    """It, or each of its parts."""
+    if one.parts:
+        return replace(one, parts=tuple(_bumped(of, part, bump) for part in one.parts))
+    if one.bump is not None:
+        fail(of.said.element, "a bumpmap or normalmap cannot stand in another")
+    if not bump.by_normals and one.anisotropic:
+        fail(of.said.element, "an anisotropic bsdf in a bumpmap is not supported: Mitsuba mixes up its directions")
+    return replace(one, bump=bump)
+
+
+def _turned(one: Material) -> Material:
+    """As a twosided has it."""
+    bump = one.bump and replace(one.bump, turned=True)
+    return replace(one, bump=bump, parts=tuple(map(_turned, one.parts)))
+
+
+def _told_bump(bump: Bump) -> Row:
+    picture = TEXTURES["bitmap"].told(bump.texture)
+    kind = "normals" if bump.by_normals else "heights"
+    how = {"scale": bump.scale, "shadowed": bump.shadowed, "turned": bump.turned}
+    return {"of": kind, **how, **picture}
 
 
 def _twosided(of: Source) -> Material:
@@ -381,7 +521,7 @@ def _twosided(of: Source) -> Material:
         fail(of.said.element, f"{which} cannot hold a bsdf that has a back side (twosided, dielectric)")
     if len(parts) == 2 and parts[0] is not parts[1]:
         fail(of.said.element, f"{which} with two bsdfs is not supported by raycheck: only with one")
-    return replace(parts[0], two_sided=True)
+    return replace(_turned(parts[0]), two_sided=True)
 
 
 MATERIALS: dict[str, Kind] = {
@@ -409,26 +549,35 @@ MATERIALS: dict[str, Kind] = {
         _roughplastic, _told_roughplastic,
         {"rough plastic": {**PLASTIC, **ISOTROPIC, "coat_transmittance": TABLE}},
     ),
+    "principled": Kind(_principled, _told_principled, {"principled": DISNEY}),
     "blendbsdf": Kind(
-        _blend, _told_blend, {"blend": {"weight_of_second": WEIGHT, "parts": PARTS}}, ("bsdf", "ref")
+        _blend, _told_blend, {"blend": {"weight_of_second": SHARES["weight_of_second"], "parts": PARTS}},
+        ("bsdf", "ref"),
     ),
     "null": Kind(lambda _: Material("null", np.ones(3)), lambda _: {"type": "null"}, {"null": {}}),
     "mask": Kind(_mask, _told_blend, {}, ("bsdf", "ref")),
+    **{
+        kind: Kind(_bump, lambda one: told(one), {}, ("bsdf", "ref", "texture"))
+        for kind in ("bumpmap", "normalmap")
+    },
     "twosided": Kind(_twosided, lambda one: told(one), {}, ("bsdf", "ref")),
 }  # fmt: skip
 """By Mitsuba's name."""
 
 
 def read_material(
-    element: Element, inner: Callable[[Element], Material], texture: Callable[[Element], Texture]
-) -> Material:
-    """Of a <bsdf>; `inner` is that of one inside, `texture` that of a <texture> or <ref>."""
+    element: Element, inner: Callable[[Element], Material], texture: Callable[[Element], Texture],
+    is_texture: Callable[[Element], bool],
+) -> Material:  # fmt: skip
+    """Of a <bsdf>; `inner` is that of one inside, `texture` that of a <texture> or <ref>, which `is_texture` knows."""
     kind = MATERIALS.get(element.attrib["type"])
     holds = kind.holds if kind else ()
     with Said(element, holds) as said:
         if kind is None:
             fail(element, f"{described(element)} is not supported by raycheck")
-        return kind.read(Source(said, [inner(one) for one in element if one.tag in holds], texture))
+        held = [one for one in element if one.tag in holds]
+        pictures = [one for one in held if is_texture(one)]
+        return kind.read(Source(said, [inner(one) for one in held if one not in pictures], pictures, texture))
 
 
 def read_texture(element: Element, file: Callable[[str], Path]) -> Texture:
@@ -443,14 +592,23 @@ def read_texture(element: Element, file: Callable[[str], Path]) -> Texture:
 def told(one: Material) -> Row:
     """As plain data, which the schema describes."""
     row = MATERIALS[one.kind].told(one)
-    return {"type": row.pop("type"), "two_sided": one.two_sided, **row}
+    bump = {} if one.bump is None else {"bump": _told_bump(one.bump)}
+    return {"type": row.pop("type"), "two_sided": one.two_sided, **row, **bump}
 
 
 def _told_colour(one: Material, name: str) -> Row:
     """It, or the texture instead: `texture` and its fields, after the name of a colour but the first."""
-    texture = one.textures.get(name)
+    return _told_texture(name, one.textures.get(name)) or {name: getattr(one, name).tolist()}
+
+
+def _told_share(one: Material, own: str, name: str, number: float) -> Row:
+    """Likewise, of a number that `own` is the name of."""
+    return _told_texture(name, one.textures.get(own)) or {name: number}
+
+
+def _told_texture(name: str, texture: Texture | None) -> Row:
     if texture is None:
-        return {name: getattr(one, name).tolist()}
+        return {}
     row = {"texture": texture.kind, **TEXTURES[texture.kind].told(texture)}
     return {_prefix(name) + key: said for key, said in row.items()}
 
@@ -468,19 +626,33 @@ def _instead(name: str) -> list[Row]:
 
 
 def schema() -> tuple[dict[str, list[Row]], list[Row]]:
-    """What a colour or texture as plain data may be, one of these, by name; and what a material may be."""
+    """What a colour, number or texture as plain data may be, one of these, by name; and what a material may be."""
+    plain = {**dict.fromkeys(TEXTURED, COLOUR), **dict.fromkeys(SHARES, SHARE)}
     textured = {
-        name: [{"required": [*fields], "properties": fields} for fields in ({name: COLOUR}, *_instead(name))]
-        for name in TEXTURED
+        name: [{"required": [*fields], "properties": fields} for fields in ({name: said}, *_instead(name))]
+        for name, said in plain.items()
     }
     kinds = [_of_schema(name, fields) for kind in MATERIALS.values() for name, fields in kind.fields.items()]
     return textured, kinds
 
 
+def schema_of_bump() -> Row:
+    """What turns the normal of a material, as plain data."""
+    fields = {
+        "of": {"enum": ["heights", "normals"]},
+        "scale": {**NUMBER, "description": "Of heights: times their luminance"},
+        "shadowed": {"type": "boolean", "description": "By Estevez et al., Ray Tracing Gems, 2019"},
+        "turned": {"type": "boolean", "description": "From behind what is along the surface is not turned about"},
+        **TEXTURES["bitmap"].fields,
+    }  # fmt: skip
+    return {"type": "object", "required": [*fields], "properties": fields}
+
+
 def _of_schema(name: str, fields: Mapping[str, Row]) -> Row:
-    own = {field: said for field, said in fields.items() if field not in TEXTURED}
+    refers = TEXTURED | SHARES
+    own = {field: said for field, said in fields.items() if field not in refers}
     row: Row = {"required": [*own], "properties": {"type": {"const": name}, **own}}
-    others = [said for field, said in fields.items() if field in TEXTURED]
+    others = [said for field, said in fields.items() if field in refers]
     return row | ({"allOf": others} if others else {})
 
 

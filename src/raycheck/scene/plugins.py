@@ -150,7 +150,7 @@ class Said:
         self._asked.add(name)
 
     def number(self, name: str) -> float:
-        return float(self._ask(name, "float", "ior"))
+        return float(self._ask(name, "float", "ior", "share"))
 
     def integer(self, name: str) -> int:
         return int(self._ask(name, "integer"))
@@ -166,8 +166,8 @@ class Said:
         return np.asarray(self._ask(name, *_TRIPLES), dtype=np.float64)
 
     def texture(self, name: str) -> Element | None:
-        """The <texture> or <ref> that stands for a colour, if one does."""
-        assert self._fields[name]["kind"] == "reflectance"
+        """The <texture> or <ref> that stands for a colour or a share, if one does."""
+        assert self._fields[name]["kind"] in ("reflectance", "share")
         element = self.given(name)
         if element is None or element.tag not in INSTEAD:
             return None

@@ -322,7 +322,7 @@ class _Materials:
         bsdf = self._meant(element, "bsdf")
         if bsdf not in self._read:
             self._read[bsdf] = None
-            self._read[bsdf] = read_material(bsdf, self.of, self.texture)
+            self._read[bsdf] = read_material(bsdf, self.of, self.texture, self._is_texture)
         found = self._read[bsdf]
         if found is None:
             fail(element, "the bsdf contains itself")
@@ -331,6 +331,10 @@ class _Materials:
     def texture(self, element: Element) -> Texture:
         """That of a <texture>, or of the one that a <ref> means."""
         return read_texture(self._meant(element, "texture"), self._file)
+
+    def _is_texture(self, element: Element) -> bool:
+        meant = self._by_id.get(element.attrib.get("id", "")) if element.tag == "ref" else element
+        return meant is not None and meant.tag == "texture"
 
     def check_others(self) -> None:
         """Those that no shape uses."""

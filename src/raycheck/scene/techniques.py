@@ -69,11 +69,12 @@ _CAP = Need(lambda c: c.max_depth != -1, "without roulette paths would not end")
 _INDIRECT = Need(lambda c: c.has_indirect, "there is direct light only")
 _ROUGH = Need(lambda c: c.rough, "nothing has microfacets")
 _SHOWN = Need(lambda c: not c.hide_emitters, "light paths cannot hide emitters from the eye")
+_EVEN = Need(lambda c: not c.bumps, "light paths know no bumps")
 _BOUNCES = Need(lambda c: c.has_choice or c.has_indirect, "there is one light, and direct light only")
 
 _WALK = (_LIT, _MET)
 _CAPPED = (_ROULETTE, _CAP)
-_TRACED = (_LIT, _SHOWN)
+_TRACED = (_LIT, _SHOWN, _EVEN)
 """Where a scene has mirrors or glass, whether they are in view is found out by trying (`verify`)."""
 
 _NEE = ("L1", "L2", "L3", "L4", "L9", "L10", "L11", "L12", "L14")
