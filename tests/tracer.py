@@ -168,6 +168,13 @@ class Primitives:
         out = q - self.ends[i, 0]
         return _unit(out - _dot(out, self.axis[i])[:, None] * self.axis[i])
 
+    def edges(self, which: Array) -> Array:
+        """(2, N, 3) how points of parallelograms move with u and with v."""
+        assert (self.kind[which] == "parallelogram").all()
+        by = np.linalg.inv(self.uv[which, 1:] - self.uv[which, :1])
+        found: Array = np.einsum("nak,knd->and", by, np.stack([self.u[which], self.v[which]]))
+        return found
+
     def coordinates(self, which: Array, p: Array) -> tuple[Array, Array]:
         """(u, v) (N, 2), which mean nothing on a triangle, and unit vectors (N, 3) where u grows."""
         uv, along = np.empty((len(p), 2)), np.empty_like(p)
@@ -278,7 +285,7 @@ class Ggx:
     def density(self, h: Array) -> Array:
         """D of half vectors (N, 3)."""
         xy, z = self._local(h)
-        return 1 / (np.pi * np.prod(self.alphas) * (_dot(xy, xy / self.alphas**2) + z**2) ** 2)
+        return 1 / (np.pi * np.prod(self.alphas, axis=-1) * (_dot(xy, xy / self.alphas**2) + z**2) ** 2)
 
     def shadowing(self, w: Array) -> Array:
         """Smith's G1."""
@@ -293,7 +300,7 @@ class Ggx:
         """Half vectors (N, 3) by D cosθ, from two uniform numbers each."""
         slope, angle = self.steepness(x), 2 * np.pi * y
         u, v, n = self.frame
-        s, t = self.alphas[:, None] * slope * np.stack([np.cos(angle), np.sin(angle)])
+        s, t = self.alphas.T.reshape(2, -1) * slope * np.stack([np.cos(angle), np.sin(angle)])
         return _unit(s[:, None] * u + t[:, None] * v + n)
 
 
@@ -303,7 +310,7 @@ class Beckmann(Ggx):
     def density(self, h: Array) -> Array:
         xy, z = self._local(h)
         slope = _dot(xy, xy / self.alphas**2) / z**2
-        return np.exp(-slope) / (np.pi * np.prod(self.alphas) * z**4)
+        return np.exp(-slope) / (np.pi * np.prod(self.alphas, axis=-1) * z**4)
 
     def shadowing(self, w: Array) -> Array:
         xy, z = self._local(w)
@@ -406,18 +413,64 @@ class Tracer:
             blend = np.array([m["type"] == "blend" for m in self.materials], dtype=bool)[index]
             if not blend.any():
                 break
-            share = np.array([m.get("weight_of_second", 0.0) for m in self.materials])[index]
+            share = np.zeros(count)
+            for number in np.unique(index[blend]):
+                on = index == number
+                share[on] = self._number(self.materials[number], "weight_of_second", which[on], p[on])
             first = np.array([m.get("first", 0) for m in self.materials])[index]
             index = np.where(blend, first + (self.rng.random(count) < share), index)
         for number, material in enumerate(self.materials):
             on = np.flatnonzero(index == number)
-            if not material["type"].endswith(("dielectric", "null")):
+            if not material["type"].endswith(("dielectric", "null")) and material.get("spec_trans", 0) == 0:
                 on = on[_dot(n[on], wo[on]) > 0]
             if material["type"] == "blend" or not len(on):
                 continue
             method = getattr(self, "_" + material["type"].replace(" ", "_"))
-            light[on], wi[on], factor[on], delta[on] = method(material, which[on], p[on], wo[on], n[on])
+            if "bump" not in material:
+                light[on], wi[on], factor[on], delta[on] = method(material, which[on], p[on], wo[on], n[on])
+                continue
+            turned, alpha2 = self._bumped(material["bump"], which[on], p[on], wo[on], normal[on])
+            _, wi[on], factor[on], _ = method(material, which[on], p[on], wo[on], turned)
+            own, other = _dot(wi[on], np.sign(_dot(normal[on], wo[on]))[:, None] * normal[on]), _dot(wi[on], turned)
+            shadow = 2 / (1 + np.sqrt(1 + alpha2 * (1 - own**2) / own**2))
+            factor[on] *= np.where((own * other > 0) & (_dot(turned, wo[on]) > 0), shadow, 0.0)[:, None]
         return light, wi, factor, delta
+
+    def _bumped(self, bump: Any, which: Array, p: Array, wo: Array, n: Array) -> tuple[Array, Array]:
+        """The normal on the viewer's side, and the roughness whose square shadows are cast by."""
+        assert not self.data["lights"]  # all light is found by chance then
+        behind = (_dot(wo, n) < 0)[:, None]
+        seen, (uv, along) = np.where(behind, -n, n), self.shapes.coordinates(which, p)
+        if bump["of"] == "normals":
+            x, y, z = 2 * self._picture(bump, uv).T[:, :, None] - 1
+            u = _unit(along - _dot(along, n)[:, None] * n)
+            across = x * u + y * np.cross(n, u)
+        else:
+            edges = []
+            for axis, edge in enumerate(self.shapes.edges(which)):
+                step = 1e-7 * np.eye(2)[axis]
+                slope = (self._picture(bump, uv + step) - self._picture(bump, uv - step)) / 2e-7
+                height = bump["scale"] * slope @ [0.212671, 0.715160, 0.072169]
+                edges.append(edge + (height - _dot(n, edge))[:, None] * n)
+            turned = _unit(np.cross(*edges))
+            turned *= np.sign(_dot(turned, n))[:, None]
+            z = _dot(turned, n)[:, None]
+            across = turned - z * n
+        across = np.where(behind & (not bump["turned"]), -across, across)
+        across *= np.where(_dot(wo, z * seen + across) > 0, 1, -1)[:, None]
+        turned = _unit(z * seen + across)
+        cosine = _dot(turned, seen)
+        return turned, np.minimum(0.125 * (1 - cosine**2) / cosine**2, 1) * bump["shadowed"]
+
+    def _picture(self, m: Any, uv: Array) -> Array:
+        place = np.hstack([uv, np.ones((len(uv), 1))]) @ np.array(m["to_uv"]).T
+        return self._pixels(np.array(m["pixels"]), m["filter"], m["wrap"], place)
+
+    def _number(self, m: Any, name: str, which: Array, p: Array) -> Array:
+        """(N,)"""
+        if name in m:
+            return np.full(len(p), m[name])
+        return np.broadcast_to(self._colour(m, name, which, p), p.shape)[:, 0]
 
     def _colour(self, m: Any, name: str, which: Array, p: Array) -> Array:
         """(3,), or of a texture (N, 3) at p."""
@@ -522,6 +575,75 @@ class Tracer:
         wi = np.where(mirrors, 2 * _dot(wo, n)[:, None] * n - wo, self._hemisphere(n))
         factor = np.where(mirrors, coat * (1 - through(wo)), base * through(wo) * through(wi))
         return light, wi, 2 * factor, True
+
+    def _principled(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
+        """One direction in two by the cosine, one by a facet that reflects or refracts."""
+        names = ("roughness", "anisotropic", "metallic", "spec_trans", "spec_tint", "sheen", "sheen_tint",
+                 "flatness", "clearcoat")  # fmt: skip
+        k = {name: self._number(m, name, which, p) for name in names}
+        front = _dot(wo, n) > 0
+        n, ratio = np.where(front[:, None], n, -n), np.where(front, m["eta"], 1 / m["eta"])
+        base = np.broadcast_to(self._colour(m, "reflectance", which, p), p.shape)
+        bright = base @ [0.212671, 0.715160, 0.072169]
+        tint = np.where(bright[:, None] > 0, base / np.maximum(bright, 1e-300)[:, None], 1)
+        aspect = np.sqrt(1 - 0.9 * k["anisotropic"])
+        alphas = np.maximum(np.stack([k["roughness"] ** 2 / aspect, k["roughness"] ** 2 * aspect], axis=-1), 1e-3)
+        u = _frame(n)[0]
+        if k["anisotropic"].any():
+            _, along = self.shapes.coordinates(which, p)
+            u = _unit(along - _dot(along, n)[:, None] * n)
+        ggx = Ggx(alphas, (u, np.cross(n, u), n))
+        glass, diffuse = (1 - k["metallic"]) * k["spec_trans"], front * (1 - k["metallic"]) * (1 - k["spec_trans"])
+
+        def value(wi: Array) -> tuple[Array, Array]:
+            """f cosθ (N, 3), and the density."""
+            reflects, ci, co = _dot(wi, n) > 0, np.abs(_dot(wi, n)), _dot(wo, n)
+            scale = np.where(reflects, 1, ratio)
+            h = _unit(wo + scale[:, None] * wi)
+            h *= np.sign(_dot(h, n))[:, None]
+            o, i = _dot(wo, h), _dot(wi, h)
+            c, side = np.clip(o, 0, 1), (o > 0) & (np.where(reflects, i, -i) > 0)
+            share, beyond = fresnel_glass(c, ratio)
+            weight = (1 - np.where(m["eta"] > 1, c, np.nan_to_num(beyond))) ** 5
+            d, g = ggx.density(h), ggx.shadowing(wo) * ggx.shadowing(np.where(reflects[:, None], wi, -wi))
+            rest = weight[:, None]
+            metal = k["metallic"][:, None] * (base + (1 - base) * rest)
+            r0 = tint * ((ratio - 1) / (ratio + 1))[:, None] ** 2
+            plain = (1 - k["metallic"])[:, None]
+            spec = k["spec_tint"][:, None]
+            fresnel = metal + plain * (spec * (r0 + (1 - r0) * rest) + (1 - spec) * share[:, None])
+            fresnel = np.where(front[:, None], fresnel, (glass * share)[:, None])
+            out = fresnel * (d * g / (4 * co))[:, None]
+            a2 = (0.1 - 0.099 * m["clearcoat_gloss"]) ** 2
+            coat = (a2 - 1) / (np.pi * np.log(a2) * (1 + (a2 - 1) * _dot(h, n) ** 2)) * (0.04 + 0.96 * weight)
+            g1 = [2 / (1 + np.sqrt(1 + 0.0625 * (1 / w**2 - 1))) for w in (co, ci)]
+            out += (front * 0.25 * k["clearcoat"] * coat * g1[0] * g1[1] * ci)[:, None]
+            fo, fi, back = (1 - co) ** 5, (1 - ci) ** 5, 2 * k["roughness"] * c * c
+            smooth = (1 - fo / 2) * (1 - fi / 2) + back * (fo + fi + fo * fi * (back - 1))
+            under = (1 + (back / 2 - 1) * fo) * (1 + (back / 2 - 1) * fi)
+            flat = 1.25 * (under * (1 / (co + ci) - 0.5) + 0.5)
+            smooth += (flat - smooth) * k["flatness"]
+            out += base * (diffuse * smooth * ci / np.pi)[:, None]
+            sheen = front * k["sheen"] * (1 - k["metallic"]) * (1 - c) ** 5 * ci
+            out += (1 + (tint - 1) * k["sheen_tint"][:, None]) * sheen[:, None]
+            bent = np.abs(o * i) / (o + scale * i) ** 2
+            through = np.sqrt(base) * (glass * (1 - share) * d * g * bent / co)[:, None]
+            facet = d * _dot(h, n) * np.where(reflects, 1 / (4 * c + 1e-300), np.abs(i) * scale**2 / (o + scale * i) ** 2)
+            split = np.where(glass > 0, 0.5, np.where(reflects, 1, 0))
+            pdf = 0.5 * np.where(reflects, ci / np.pi, 0) + 0.5 * split * facet * side
+            return np.where(side[:, None], np.where(reflects[:, None], out, through), 0), pdf
+
+        h = ggx.sample(*self.rng.random((2, len(p))))
+        cosine = _dot(wo, h)
+        _, beyond = fresnel_glass(np.abs(cosine), ratio)
+        refracts = (glass > 0) & (self.rng.random(len(p)) < 0.5)
+        through = (cosine / ratio - np.nan_to_num(beyond))[:, None] * h - wo / ratio[:, None]
+        facet = np.where(refracts[:, None], through, 2 * cosine[:, None] * h - wo)
+        wi = _unit(np.where((self.rng.random(len(p)) < 0.5)[:, None], self._hemisphere(n), facet))
+        with np.errstate(all="ignore"):
+            f, pdf = value(wi)
+            factor = np.where((pdf > 0)[:, None], f / pdf[:, None], 0.0)
+        return self._points(which, p, n, lambda w: value(w)[0] / np.maximum(_dot(w, n), 1e-12)[:, None]), wi, factor, True
 
     def _base(self, m: Any, which: Array, p: Array) -> Array:
         """Reflectance under a coat: of light that comes in once, all that goes out in the end."""
