@@ -24,17 +24,6 @@ INLINE Real pdf_w_hemisphere_uniform(void) { return real(0.5) * REAL_INV_PI; }
 INLINE Vec sample_hemisphere_cosine(Real u, Real v) { return turned(real_sqrt(u), v, real_sqrt(real(1) - u)); }
 INLINE Real pdf_w_hemisphere_cosine(Real cosine) { return cosine * REAL_INV_PI; }
 
-/* exp(-x) where x is not below 0, to 1e-8 of it where x is below 32: 64th power of a Taylor series. */
-INLINE Real exp_below(Real x)
-{
-    Real y = x * real(-1.0 / 64), e = real(1);
-    for (int i = 9; i > 0; i--)
-        e = real(1) + e * (y * real(1.0 / i));
-    for (int i = 0; i < 6; i++)
-        e = e * e;
-    return e;
-}
-
 /* The whole sphere, uniform by solid angle. */
 INLINE Vec sample_sphere(Real u, Real v)
 {

@@ -142,7 +142,7 @@ INLINE Real over_ggx(const Roughness *a, const Surface *s, Vec h, Real along, Fe
         return real(1);
     Slope slope = slope_of(a, s->n, h, along, f);
     Mask near = slope.across < real(64) * slope.along;
-    Real x = only(near, slope.across / slope.along), more = (real(1) + x) * (real(1) + x) * exp_below(x);
+    Real x = only(near, slope.across / slope.along), more = (real(1) + x) * (real(1) + x) * real_exp(-x);
     Real d = select(near, more, real(0));
     return select(a->beckmann, d * (ggx_masking(a, s->wo, s->cos_o, f) / masking(a, s->wo, s->cos_o, f)), real(1));
 }
