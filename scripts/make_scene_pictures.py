@@ -5,8 +5,8 @@
 
 The sky is 64 × 32 pixels: blue above, brown below, and in it a sun of one pixel that gives more light than
 all the rest together. The tiles are 32 × 32 pixels of 8 bits, each tile of another colour, so that what is
-mirrored or upside down shows. Waves are 24 × 24 heights, which are the same either side of their edges, and studs as
-many normals, of one hump.
+mirrored or upside down shows. Waves are 24 × 24 heights, the same either side of
+their edges, and studs as many normals, of one hump.
 """
 
 from __future__ import annotations

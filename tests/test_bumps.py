@@ -1,4 +1,4 @@
-"""Bumps and normal maps: what a surface under them makes of light is Mitsuba's, on every shape and from both sides."""
+"""Bumps and normal maps: what a surface under them makes of light is Mitsuba's, on all shapes and sides."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def twosided(inner: str) -> str:
 
 
 SHAPES = {
-    "plate": '<shape type="rectangle"><transform name="to_world"><scale x="2" y="1.3"/><rotate x="1" y="0" z="0" '
-    'angle="35"/></transform>{}</shape>',
+    "plate": '<shape type="rectangle"><transform name="to_world"><scale x="2" y="1.3"/>'
+    '<rotate x="1" y="0" z="0" angle="35"/></transform>{}</shape>',
     "ball": '<shape type="sphere">{}</shape>',
     "tube": '<shape type="cylinder"><transform name="to_world"><translate z="-0.5"/></transform>{}</shape>',
     "turned plate": '<shape type="rectangle"><boolean name="flip_normals" value="true"/>{}</shape>',
@@ -92,7 +92,9 @@ def compare(driver: Driver, body: str, n: int = 250) -> None:
             continue
         errors.append(np.abs(ours / theirs - 1).max())
     assert met > 0.3 * n and len(errors) > 0.1 * n, (met, len(errors), dark)
-    assert np.quantile(errors, 0.5) < 1e-5 and np.quantile(errors, 0.96) < 1e-3, np.quantile(errors, [0.5, 0.96, 1])
+    assert np.quantile(errors, 0.5) < 1e-5 and np.quantile(errors, 0.96) < 1e-3, np.quantile(
+        errors, [0.5, 0.96, 1]
+    )
 
 
 @pytest.mark.parametrize("kind", ["bumpmap", "normalmap"])

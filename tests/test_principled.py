@@ -1,5 +1,5 @@
-"""The principled material: what each of its lobes reflects and transmits is Mitsuba's, goes on in the directions
-that its density says, and is the same either way round but for η².
+"""The principled material: what each of its lobes reflects and transmits is Mitsuba's, goes on in the
+directions that its density says, and is the same either way round but for η².
 
 Numbers come from the functions of principled.h themselves (sampling.c). Seeds are fixed; all statistical
 checks of this file together would raise a false alarm for one choice of seeds in 10⁴ (sampling.py).
@@ -179,7 +179,9 @@ def test_directions_follow_their_density(driver: Driver, name: str) -> None:
 
 @pytest.mark.parametrize("name", [one for one in SETS if one != "glass of no index"])
 def test_what_is_sampled_adds_up_to_the_formula(driver: Driver, name: str) -> None:
-    """∫ f cosθ dω less η² by quadrature of f, and the mean of the factors; not where light goes nearly straight on."""
+    """∫ f cosθ dω less η² by quadrature of f, and the mean of the factors; not where light goes nearly
+    straight on.
+    """
     at, weights, _ = nodes((40, 24), 16)
     z, phi = 2 * at[0] - 1, 2 * np.pi * (at[1] - 0.5)
     wi = np.stack([np.sqrt(1 - z * z) * np.cos(phi), np.sqrt(1 - z * z) * np.sin(phi), z])

@@ -618,7 +618,9 @@ def test_a_property_that_the_reader_does_not_ask_for_is_refused(monkeypatch: pyt
     with pytest.raises(ReferenceError_, match=message):
         materials.read_material(element, pytest.fail, pytest.fail, pytest.fail)
     element[0].set("name", "reflectance")
-    assert materials.read_material(element, pytest.fail, pytest.fail, pytest.fail).reflectance == pytest.approx(1)
+    assert materials.read_material(
+        element, pytest.fail, pytest.fail, pytest.fail
+    ).reflectance == pytest.approx(1)
 
 
 def test_raycheck_reads_by_oneray_s_own_tables(tmp_path: Path) -> None:

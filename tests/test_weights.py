@@ -1,4 +1,4 @@
-"""Textures that say how much of a blend, or how opaque a mask is: at each place it is the blend of that number."""
+"""Textures of a blend's weight and a mask's opacity: at each place it is the blend of that number."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ def cases(pair: tuple[float, float] | float, other: tuple[float, float] | float)
         "twosided in a mask": mask(share("opacity", pair), f'<bsdf type="twosided">{RED}</bsdf>'),
         "two textures": blend(weight, blend(second, ROUGH, RED), blend(second, COAT, MIRROR)),
         "a number outside": blend(share("weight", 0.3), GREY, blend(weight, ROUGH, MIRROR)),
-        "a number inside": mask(share("opacity", pair), blend(share("weight", 0.3), COAT, blend(weight, RED, GREY))),
+        "a number inside": mask(
+            share("opacity", pair), blend(share("weight", 0.3), COAT, blend(weight, RED, GREY))
+        ),
     }
 
 
@@ -76,7 +78,10 @@ def test_at_each_place_it_is_the_blend_of_that_number(
     technique = {"hemisphere": hemisphere}
     for one in (driver, wide[0]) if pair[0] else (driver,):
         with one.scene(floor(cases(pair, other)[name]), **technique) as scene:
-            found = one("evaluate", at + wo, -wo, wi, scene=scene), one("scatter", at + wo, -wo, u, scene=scene)
+            found = (
+                one("evaluate", at + wo, -wo, wi, scene=scene),
+                one("scatter", at + wo, -wo, u, scene=scene),
+            )
         for i in (0, 1):
             for j in (0, 1):
                 here = (which[0] == i) & (which[1] == j)
@@ -89,11 +94,15 @@ def test_at_each_place_it_is_the_blend_of_that_number(
                 if (gone[7] > 0)[lit].all():  # there is no finite part left to evaluate
                     value = np.where(lit, 0, value)
                 same = (wo * wi)[2, here] > 0  # light from behind is asked of glass alone
-                np.testing.assert_allclose(found[0][:4, here][:, same], value[:4, same], rtol=1e-9, atol=1e-14)
+                np.testing.assert_allclose(
+                    found[0][:4, here][:, same], value[:4, same], rtol=1e-9, atol=1e-14
+                )
                 mean = [(s[3:6] * s[8])[:, lit] for s in (found[1][:, here], gone)]
                 assert all(np.isfinite(m).all() for m in mean)
                 if lit.any() and name in ("mask", "two of one kind", "two finite", "finite and mirror"):
-                    np.testing.assert_allclose(mean[0].mean(axis=1), mean[1].mean(axis=1), rtol=0.2, atol=0.02)
+                    np.testing.assert_allclose(
+                        mean[0].mean(axis=1), mean[1].mean(axis=1), rtol=0.2, atol=0.02
+                    )
 
 
 @pytest.mark.parametrize("name", cases(0, 0))

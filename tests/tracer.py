@@ -431,7 +431,10 @@ class Tracer:
                 continue
             turned, alpha2 = self._bumped(material["bump"], which[on], p[on], wo[on], normal[on])
             _, wi[on], factor[on], _ = method(material, which[on], p[on], wo[on], turned)
-            own, other = _dot(wi[on], np.sign(_dot(normal[on], wo[on]))[:, None] * normal[on]), _dot(wi[on], turned)
+            own, other = (
+                _dot(wi[on], np.sign(_dot(normal[on], wo[on]))[:, None] * normal[on]),
+                _dot(wi[on], turned),
+            )
             shadow = 2 / (1 + np.sqrt(1 + alpha2 * (1 - own**2) / own**2))
             factor[on] *= np.where((own * other > 0) & (_dot(turned, wo[on]) > 0), shadow, 0.0)[:, None]
         return light, wi, factor, delta
@@ -587,13 +590,18 @@ class Tracer:
         bright = base @ [0.212671, 0.715160, 0.072169]
         tint = np.where(bright[:, None] > 0, base / np.maximum(bright, 1e-300)[:, None], 1)
         aspect = np.sqrt(1 - 0.9 * k["anisotropic"])
-        alphas = np.maximum(np.stack([k["roughness"] ** 2 / aspect, k["roughness"] ** 2 * aspect], axis=-1), 1e-3)
+        alphas = np.maximum(
+            np.stack([k["roughness"] ** 2 / aspect, k["roughness"] ** 2 * aspect], axis=-1), 1e-3
+        )
         u = _frame(n)[0]
         if k["anisotropic"].any():
             _, along = self.shapes.coordinates(which, p)
             u = _unit(along - _dot(along, n)[:, None] * n)
         ggx = Ggx(alphas, (u, np.cross(n, u), n))
-        glass, diffuse = (1 - k["metallic"]) * k["spec_trans"], front * (1 - k["metallic"]) * (1 - k["spec_trans"])
+        glass, diffuse = (
+            (1 - k["metallic"]) * k["spec_trans"],
+            front * (1 - k["metallic"]) * (1 - k["spec_trans"]),
+        )
 
         def value(wi: Array) -> tuple[Array, Array]:
             """f cosθ (N, 3), and the density."""
@@ -628,7 +636,11 @@ class Tracer:
             out += (1 + (tint - 1) * k["sheen_tint"][:, None]) * sheen[:, None]
             bent = np.abs(o * i) / (o + scale * i) ** 2
             through = np.sqrt(base) * (glass * (1 - share) * d * g * bent / co)[:, None]
-            facet = d * _dot(h, n) * np.where(reflects, 1 / (4 * c + 1e-300), np.abs(i) * scale**2 / (o + scale * i) ** 2)
+            facet = (
+                d
+                * _dot(h, n)
+                * np.where(reflects, 1 / (4 * c + 1e-300), np.abs(i) * scale**2 / (o + scale * i) ** 2)
+            )
             split = np.where(glass > 0, 0.5, np.where(reflects, 1, 0))
             pdf = 0.5 * np.where(reflects, ci / np.pi, 0) + 0.5 * split * facet * side
             return np.where(side[:, None], np.where(reflects[:, None], out, through), 0), pdf
@@ -643,7 +655,12 @@ class Tracer:
         with np.errstate(all="ignore"):
             f, pdf = value(wi)
             factor = np.where((pdf > 0)[:, None], f / pdf[:, None], 0.0)
-        return self._points(which, p, n, lambda w: value(w)[0] / np.maximum(_dot(w, n), 1e-12)[:, None]), wi, factor, True
+        return (
+            self._points(which, p, n, lambda w: value(w)[0] / np.maximum(_dot(w, n), 1e-12)[:, None]),
+            wi,
+            factor,
+            True,
+        )
 
     def _base(self, m: Any, which: Array, p: Array) -> Array:
         """Reflectance under a coat: of light that comes in once, all that goes out in the end."""

@@ -284,7 +284,7 @@ static void read_blend(Builder *builder, Node *node)
     int count = 0;
     Said said = read_plugin(builder, node, &blend_plugin, "<bsdf>, <ref>", &blend.as.blend);
     for (Node *child = node->first; child; child = child->next) {
-        if (!is_among(child, "<bsdf>, <ref>"))
+        if (!is_among(child, "<bsdf>, <ref>") || is_share(child, blend_plugin.fields))
             continue;
         if (count == 2)
             fail(child, "<bsdf type=\"blendbsdf\"> has a third bsdf: nest another blendbsdf for three");
@@ -303,10 +303,13 @@ static void read_mask(Builder *builder, Node *node)
 {
     Material mask = {.kind = MATERIAL_BLEND, .file = node->file, .line = node->line};
     Material hole = {.kind = MATERIAL_NULL, .file = node->file, .line = node->line};
-    Node *inner = only_child(node, "bsdf"), *ref = only_child(node, "ref");
+    Node *inner = NULL;
+    int count = 0;
     read_plugin(builder, node, &mask_plugin, "<bsdf>, <ref>", &mask.as.blend);
-    inner = inner ? inner : ref;
-    if (!inner || (ref && ref != inner))
+    for (Node *child = node->first; child; child = child->next)
+        if (is_among(child, "<bsdf>, <ref>") && !is_share(child, mask_plugin.fields))
+            inner = child, count++;
+    if (count != 1)
         fail(node, "<bsdf type=\"mask\"> needs one bsdf inside");
     null_check(&hole.as.null, NULL);
     const Node *opaque = read_bsdf(builder, inner);

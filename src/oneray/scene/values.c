@@ -491,11 +491,20 @@ static const char *taken(const Field *fields, const char *objects)
     return list.length ? list.text : "none";
 }
 
+bool is_share(const Node *child, const Field *fields)
+{
+    const char *name = attribute(child, "name");
+    for (; name && is_among(child, INSTEAD_OF_COLOUR) && fields->name; fields++)
+        if (fields->kind == AS_SHARE && strcmp(fields->name, name) == 0)
+            return true;
+    return false;
+}
+
 /* The field that a child gives; NULL if it is one of the objects. */
 static const Field *find_field(const Node *child, const Field *fields, const char *objects)
 {
     bool is_property = false;
-    if (is_among(child, objects))
+    if (is_among(child, objects) && !is_share(child, fields))
         return NULL;
     for (int i = 0; i < COUNT(kinds); i++)
         is_property = is_property || (gives(child, (FieldKind)i) && !is_among(child, INSTEAD_OF_COLOUR));

@@ -54,6 +54,9 @@ const char *describe(const Node *node);                       /* for a message: 
 /* Is it one of the elements of a list, "<bsdf>, <ref>"? */
 bool is_among(const Node *node, const char *elements);
 
+/* Does the child, among elements that hold others, stand for a share of the fields: a <texture>, or a <ref> to one? */
+bool is_share(const Node *child, const Field *fields);
+
 /* Fills `to` by the table with the element's properties, and `said` with where they are. A child that is neither a
    property of the table nor one of the objects, "<bsdf>, <ref>", is an error. */
 void read_fields(const Node *node, const Field *fields, const char *objects, void *to, Said *said);

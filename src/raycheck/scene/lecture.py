@@ -36,8 +36,8 @@ ARGUMENTS = {
     "whose normal is the half vector and G the share of those that is seen from both sides; rough glass "
     "refracts by them too, and radiance is compressed by η²; plastic is a diffuse base under a coat, "
     "smooth or of such mirrors",
-    "P2": "a principled material is a sum of lobes with weights that its numbers give: a direction is taken by one of "
-    "them, and its pdf is the sum over all",
+    "P2": "a principled material is a sum of lobes with weights that its numbers give: a direction is taken "
+    "by one of them, and its pdf is the sum over all",
     "P4": "a reflectance that is a texture is its value at the (u, v) of the point that the ray meets",
     "P5": "a sky that is a picture is sampled by what it is between its pixels, whose rows are narrower by sinθ",
     "sampling": "the mean of N samples is right and its error falls by √N only if they are independent",

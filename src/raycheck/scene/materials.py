@@ -47,9 +47,9 @@ class Texture:
 
 @dataclass(frozen=True)
 class Bump:
-    """What turns the normal: a `texture` of heights, `scale` times its luminance, or of normals (x + 1)/2 in the
-    surface's frame. If it is `shadowed`, light is taken away by Estevez et al. (2019). From behind what is along
-    the surface is the other way, unless a twosided is around it: `turned`.
+    """What turns the normal: a `texture` of heights, `scale` times its luminance, or of normals (x + 1)/2 in
+    the surface's frame. If it is `shadowed`, light is taken away by Estevez et al. (2019). From behind what is
+    along the surface is the other way, unless a twosided is around it: `turned`.
     """
 
     texture: Texture
@@ -161,13 +161,11 @@ class Source:
 
 
 def _of_share(one: Texture) -> Texture:
-    """As a number has it, in all channels: a picture's luminance; of a checkerboard, as in Mitsuba 3.9.1, the means
-    over the channels, and its colours the other way round.
+    """As a number has it, in all channels: a picture's luminance; of a checkerboard, as in Mitsuba 3.9.1, the
+    means over the channels, and its colours the other way round.
     """
-    if one.kind == "checkerboard":
-        grey = one.colours.mean(axis=-1)[::-1]
-    else:
-        grey = one.colours @ LUMINANCE
+    board = one.kind == "checkerboard"
+    grey = one.colours.mean(axis=-1)[::-1] if board else one.colours @ LUMINANCE
     return replace(one, colours=np.repeat(grey[..., None], 3, axis=-1))
 
 
@@ -444,8 +442,8 @@ def _blend(of: Source) -> Material:
 def _of_parts(of: Source, weight: str, parts: tuple[Material, ...]) -> Material:
     """A blend; the property says the weight of the second."""
     numbers, textures = of.shares(weight)
-    textures = {"weight": one for one in textures.values()}
-    mixed = Material("blendbsdf", np.zeros(3), weight=numbers[weight], parts=parts, textures=textures)
+    named = {"weight": textures[weight]} if weight in textures else {}
+    mixed = Material("blendbsdf", np.zeros(3), weight=numbers[weight], parts=parts, textures=named)
     if _weights(mixed) > MOST_WEIGHTS:
         which = described(of.said.element)
         fail(of.said.element, f"{which}: textures give the weights of more than two blends, one in another")
@@ -496,7 +494,10 @@ def _bumped(of: Source, one: Material, bump: Bump) -> Material:
     if one.bump is not None:
         fail(of.said.element, "a bumpmap or normalmap cannot stand in another")
     if not bump.by_normals and one.anisotropic:
-        fail(of.said.element, "an anisotropic bsdf in a bumpmap is not supported: Mitsuba mixes up its directions")
+        fail(
+            of.said.element,
+            "an anisotropic bsdf in a bumpmap is not supported: Mitsuba mixes up its directions",
+        )
     return replace(one, bump=bump)
 
 
@@ -569,13 +570,15 @@ def read_material(
     element: Element, inner: Callable[[Element], Material], texture: Callable[[Element], Texture],
     is_texture: Callable[[Element], bool],
 ) -> Material:  # fmt: skip
-    """Of a <bsdf>; `inner` is that of one inside, `texture` that of a <texture> or <ref>, which `is_texture` knows."""
+    """Of a <bsdf>; `inner` is that of one inside, `texture` that of a <texture> or <ref>, which
+    `is_texture` knows.
+    """
     kind = MATERIALS.get(element.attrib["type"])
     holds = kind.holds if kind else ()
     with Said(element, holds) as said:
         if kind is None:
             fail(element, f"{described(element)} is not supported by raycheck")
-        held = [one for one in element if one.tag in holds]
+        held = [one for one in element if one.tag in holds and not said.is_share(one)]
         pictures = [one for one in held if is_texture(one)]
         return kind.read(Source(said, [inner(one) for one in held if one not in pictures], pictures, texture))
 
@@ -626,7 +629,9 @@ def _instead(name: str) -> list[Row]:
 
 
 def schema() -> tuple[dict[str, list[Row]], list[Row]]:
-    """What a colour, number or texture as plain data may be, one of these, by name; and what a material may be."""
+    """What a colour, number or texture as plain data may be, one of these, by name; and what a material may
+    be.
+    """
     plain = {**dict.fromkeys(TEXTURED, COLOUR), **dict.fromkeys(SHARES, SHARE)}
     textured = {
         name: [{"required": [*fields], "properties": fields} for fields in ({name: said}, *_instead(name))]
@@ -642,7 +647,7 @@ def schema_of_bump() -> Row:
         "of": {"enum": ["heights", "normals"]},
         "scale": {**NUMBER, "description": "Of heights: times their luminance"},
         "shadowed": {"type": "boolean", "description": "By Estevez et al., Ray Tracing Gems, 2019"},
-        "turned": {"type": "boolean", "description": "From behind what is along the surface is not turned about"},
+        "turned": {"type": "boolean", "description": "From behind what is along the surface stays"},
         **TEXTURES["bitmap"].fields,
     }  # fmt: skip
     return {"type": "object", "required": [*fields], "properties": fields}

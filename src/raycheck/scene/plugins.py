@@ -104,10 +104,15 @@ class Said:
         self._given: dict[str, Element] = {}
         self._asked = {name for name, field in self._fields.items() if field["one_value"]}
         for child in element:
-            if child.tag not in nested:
+            if child.tag not in nested or self.is_share(child):
                 self._add(child)
         for name in self._asked:
             self._value(name)
+
+    def is_share(self, child: Element) -> bool:
+        """Does it, among elements that hold others, stand for a number: a texture, or a <ref> to one?"""
+        kind = self._fields.get(child.get("name", ""), {}).get("kind")
+        return child.tag in INSTEAD and kind == "share"
 
     def _add(self, child: Element) -> None:
         elements = _tables()["elements"]
