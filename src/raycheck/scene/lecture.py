@@ -39,7 +39,8 @@ ARGUMENTS = {
     "P2": "a principled material is a sum of lobes with weights that its numbers give: a direction is taken "
     "by one of them, and its pdf is the sum over all",
     "P4": "a reflectance that is a texture is its value at the (u, v) of the point that the ray meets",
-    "P5": "a sky that is a picture is sampled by what it is between its pixels, whose rows are narrower by sinθ",
+    "P5": "a sky that is a picture is sampled by what it is between its pixels, whose rows are narrower by "
+    "sinθ",
     "sampling": "the mean of N samples is right and its error falls by √N only if they are independent",
     "film": "a pixel is the plain mean of its samples, in linear radiance: what is done to them afterwards, "
     "or to some of them, biases it",

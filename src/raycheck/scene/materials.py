@@ -48,8 +48,8 @@ class Texture:
 @dataclass(frozen=True)
 class Bump:
     """What turns the normal: a `texture` of heights, `scale` times its luminance, or of normals (x + 1)/2 in
-    the surface's frame. If it is `shadowed`, light is taken away by Estevez et al. (2019). From behind what is
-    along the surface is the other way, unless a twosided is around it: `turned`.
+    the surface's frame. If it is `shadowed`, light is taken away by Estevez et al. (2019). From behind, what
+    is along the surface is the other way, unless a twosided is around it: `turned`.
     """
 
     texture: Texture
