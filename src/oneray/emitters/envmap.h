@@ -112,14 +112,14 @@ INLINE Real map_pdf_w(const SkyMap *map, Index row, Light light, Real sine)
     return mean * gather(map->fill, row) * real(map->inverse_total) / real_max(sine, real(BY_PRECISION(1e-30, 1e-240)));
 }
 
-INLINE Light envmap_radiance(const Emitters *emitters, Vec wi)
+APART Light envmap_radiance(const Emitters *emitters, Vec wi)
 {
     MapPlace at;
     Real sine;
     return light_mul(light_of(emitters->emission[emitters->sky]), map_met(&emitters->map, wi, &at, &sine));
 }
 
-INLINE Real envmap_pdf_w(const Emitters *emitters, Vec wi)
+APART Real envmap_pdf_w(const Emitters *emitters, Vec wi)
 {
     MapPlace at;
     Real sine;
@@ -147,7 +147,7 @@ INLINE Real sample_linear(Real u, Real a, Real b)
 }
 
 /* A direction by the density that is linear between pixels, in longitude and latitude. */
-INLINE LightSample envmap_towards(
+APART LightSample envmap_towards(
     const Emitters *emitters, Index i, const Receiver *receiver, Real u, Real v, Features f)
 {
     (void)receiver, (void)f;
@@ -174,7 +174,7 @@ INLINE LightSample envmap_towards(
 }
 
 /* L17 From such a direction. */
-INLINE FirstRay envmap_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
+APART FirstRay envmap_emit(const Emitters *emitters, Index i, const Real place[2], const Real way[2], Features f)
 {
     Real radius = real(emitters->world_radius);
     LightSample s = envmap_towards(emitters, i, NULL, way[0], way[1], f);

@@ -63,14 +63,15 @@ typedef uint64_t Word;
 
 /* A larger step: part of each specialised instance, where the feature mask is a constant and what it lacks folds
    away; in the generic kernel a function that all calls share. One that few scenes take is there also out of the way of
-   the others' registers. */
+   the others' registers, and one of a kind that no instance knows is a function everywhere, calls of which fold away:
+   inlined first, they would make the instances eight times as long to compile. */
 #ifdef SPECIALISED
 #define STAGE INLINE
-#define SELDOM INLINE
 #else
 #define STAGE static __attribute__((unused))
-#define SELDOM static __attribute__((unused, noinline, cold))
 #endif
+#define APART static __attribute__((unused, noinline))
+#define SELDOM static __attribute__((unused, noinline, cold))
 
 #if LANES == 1
 typedef Num Real;

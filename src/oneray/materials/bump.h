@@ -53,7 +53,7 @@ typedef struct {
 } BumpedSurface;
 
 /* The normal is z times the old one and `along`, a vector across it, if the viewer sees it so; else -along. */
-STAGE BumpedSurface bumped_surface(const Materials *materials, Index row, const Surface *s, Features f)
+APART BumpedSurface bumped_surface(const Materials *materials, Index row, const Surface *s, Features f)
 {
     BumpedSurface b = {*s, mask_none(), real(0)};
     Real said[4];

@@ -120,7 +120,7 @@ typedef struct {
     Light base;
     Lobes lobes;
 } PlasticView;
-INLINE PlasticView plastic_view(const Materials *materials, const Part *part, const Surface *s, Features f)
+APART PlasticView plastic_view(const Materials *materials, const Part *part, const Surface *s, Features f)
 {
     PlasticView v;
     v.ratio = ROW_REAL(materials, part->row, Plastic, ratio);
@@ -163,7 +163,7 @@ INLINE Light plastic_factor(
     return light_scale(v.base, f.use & USE_COSINE ? weight : real(2) * cosine * weight);
 }
 
-STAGE Scatter plastic_sample(
+APART Scatter plastic_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
     PlasticView v = plastic_view(materials, part, s, f);

@@ -177,7 +177,7 @@ typedef struct {
 } PrincipledValue;
 
 /* At the half vector h ∥ wo + wi, or beyond the boundary h ∥ η_o wo + η_i wi (roughdielectric.h). */
-STAGE PrincipledValue principled_value(
+APART PrincipledValue principled_value(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     PrincipledView v = principled_view(materials, part, s, f);
@@ -260,7 +260,7 @@ INLINE Vec principled_coat_mirror(const Surface *s, const PrincipledView *v, con
 }
 
 /* u[2] chooses the lobe: diffuse, coat, transmitted, reflected. What goes to the wrong side of the surface is lost. */
-STAGE Scatter principled_sample(
+APART Scatter principled_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[3], Features f)
 {
     PrincipledView v = principled_view(materials, part, s, f);

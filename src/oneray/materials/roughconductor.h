@@ -51,7 +51,7 @@ typedef struct {
     Real all;      /* USE_ALL_NORMALS: what the density of all mirrors is over that of those seen */
 } RoughMetal;
 
-STAGE RoughMetal rough_metal(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
+APART RoughMetal rough_metal(const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     Roughness a = roughness_of(materials, part->row, ROW_AT(RoughConductor, roughness), s, f);
     Light eta = ROW_LIGHT(materials, part->row, RoughConductor, eta);
@@ -100,7 +100,7 @@ INLINE Light roughconductor_factor(
     return light_scale(m.fresnel, (f.use & USE_COSINE ? visible : uniform) / share);
 }
 
-STAGE Scatter roughconductor_sample(
+APART Scatter roughconductor_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
     Vec wi;

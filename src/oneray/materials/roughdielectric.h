@@ -56,7 +56,7 @@ typedef struct {
     Real all;    /* USE_ALL_NORMALS: what the density of all mirrors is over that of those seen */
 } RoughBoundary;
 
-STAGE RoughBoundary rough_boundary(
+APART RoughBoundary rough_boundary(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     Roughness a = roughness_of(materials, part->row, ROW_AT(RoughDielectric, roughness), s, f);
@@ -125,7 +125,7 @@ INLINE Light roughdielectric_factor(
 }
 
 /* u[2] chooses between reflection and refraction. What goes to the wrong side of the surface is lost. */
-STAGE Scatter roughdielectric_sample(
+APART Scatter roughdielectric_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[3], Features f)
 {
     Real ratio = ROW_REAL(materials, part->row, RoughDielectric, glass.ratio);

@@ -117,7 +117,7 @@ INLINE Real coat_chance(Real p_specular, Real transmittance)
 
 /* Coat: F D G/(4 cosθo cosθi); base: T(θo) T(θi) base/π. The density: of visible normals over the half vector's Jacobian,
    4 wo·h, and of L9 cosθ/π, each with its chance; L8 1/2π. */
-STAGE RoughPlasticAt rough_plastic(
+APART RoughPlasticAt rough_plastic(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     Roughness a = roughness_of(materials, part->row, ROW_AT(RoughPlastic, roughness), s, f);
@@ -160,7 +160,7 @@ INLINE Light roughplastic_factor(
     return light_scale(at.f_r, over(cosine, f.has & HAS_BLEND ? at.pdf_w * part->share : at.pdf_w));
 }
 
-STAGE Scatter roughplastic_sample(
+APART Scatter roughplastic_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
     Vec wi;

@@ -71,7 +71,7 @@ static inline void orthographic_row(const Orthographic *s, const Frame *frame, O
     row->picture = picture_row(frame, edge);
 }
 
-STAGE Ray orthographic_ray(const OrthographicRow *row, Real x, Real y, const Real lens[2])
+APART Ray orthographic_ray(const OrthographicRow *row, Real x, Real y, const Real lens[2])
 {
     Real a, b;
     (void)lens;

@@ -67,7 +67,7 @@ INLINE Vec lens_point(const ThinlensRow *row, const Real lens[2], Real *x, Real 
     return vec_add(vec_scale(vec_of(row->lens_left), *x), vec_scale(vec_of(row->lens_up), *y));
 }
 
-STAGE Ray thinlens_ray(const ThinlensRow *row, Real x, Real y, const Real lens[2])
+APART Ray thinlens_ray(const ThinlensRow *row, Real x, Real y, const Real lens[2])
 {
     Real lens_x, lens_y;
     Vec aside = lens_point(row, lens, &lens_x, &lens_y);

@@ -120,7 +120,7 @@ static inline void cylinder_anchor(const Cylinder *s, double anchor[4])
 
 /* |w + t e| = r for what o - p0 and d have across the axis, by the distance to the axis as with a sphere
    (sphere_stretch); the wall is met where that is between its ends. */
-STAGE Stretch cylinder_stretch(const CylinderRow *wall, const Ray *ray, Mask on)
+APART Stretch cylinder_stretch(const CylinderRow *wall, const Ray *ray, Mask on)
 {
     Vec axis = vec_of(wall->axis), out = vec_sub(ray->o, vec_of(wall->p0));
     Real z = vec_dot(out, axis), dz = vec_dot(ray->d, axis), radius = real(wall->radius), height = real(wall->height);
