@@ -54,7 +54,10 @@ typedef int32_t BoxMask __attribute__((vector_size(4 * BOXES)));
 #define MASK_SELECT(m, a, b) (((m) & (a)) | (~(m) & (b)))
 #define PIECE_SELECT(m, a, b) ((Piece)MASK_SELECT(m, (PieceMask)(a), (PieceMask)(b)))
 #define BOX_SELECT(m, a, b) ((BoxPiece)MASK_SELECT(m, (BoxMask)(a), (BoxMask)(b)))
-#if PIECE_BYTES == 32
+#if PIECE_BYTES == 64
+#define PIECE_MAX(a, b) ((Piece)INTRINSIC(_mm512, max)(a, b))
+#define PIECE_MIN(a, b) ((Piece)INTRINSIC(_mm512, min)(a, b))
+#elif PIECE_BYTES == 32
 #define PIECE_MAX(a, b) ((Piece)INTRINSIC(_mm256, max)(a, b))
 #define PIECE_MIN(a, b) ((Piece)INTRINSIC(_mm256, min)(a, b))
 #else
