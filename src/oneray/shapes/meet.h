@@ -126,9 +126,9 @@ INLINE int axis_of_slot(const Shapes *shapes, int slot)
 }
 
 /* One shape, by its slot: the loops above for trees. */
-#define IF_SLOT(NAME) if (slot < shapes->first[SHAPE_##NAME + 1])
+#define IF_SLOT(NAME) if ((f.has & HAS_##NAME) && slot < shapes->first[SHAPE_##NAME + 1])
 
-STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
+STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, Features f)
 {
     Mask within = mask_none(), itself = ray->from == index_of(slot);
     *at = (Hit){real(0), index_of(slot)};
@@ -155,7 +155,7 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
     return within;
 }
 
-STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target)
+STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target, Features f)
 {
     Mask within = mask_none();
     IF_SLOT(ALIGNED)
@@ -212,7 +212,8 @@ STAGE int slot_meetings(const Shapes *shapes, int slot, const Ray *ray, Seat sta
         within = within_aligned(row, c);
     }
 #define X(NAME, name, words)                                                                                 \
-    else IF_SLOT(NAME) c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);
+    else if (slot < shapes->first[SHAPE_##NAME + 1])                                                         \
+        c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);
     FLAT_SHAPES(X)
 #undef X
     Mask starts = index_of(stacks->of[slot]) == start.stack;
@@ -304,7 +305,7 @@ INLINE Hit nearest_in_tree(
                 hit = (Hit){nearest.t, nearest.slot};
                 continue;
             }
-            Mask met = one & slot_meets(shapes, slot, ray, &at) & can_meet(shapes, slot, hiding, f);
+            Mask met = one & slot_meets(shapes, slot, ray, &at, f) & can_meet(shapes, slot, hiding, f);
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
     }
@@ -321,7 +322,8 @@ STAGE Hit tree_stacked_hit(const Shapes *shapes, const Ray *ray, Mask active, Ma
 }
 
 /* `ends`, where not NULL, are those of the ray in stacks. */
-INLINE Mask blocked_in_tree(const Shapes *shapes, const Ray *ray, Mask active, Index target, const Ends *ends)
+INLINE Mask blocked_in_tree(
+    const Shapes *shapes, const Ray *ray, Mask active, Index target, const Ends *ends, Features f)
 {
     Mask blocked = mask_none();
     Beams beams;
@@ -339,21 +341,21 @@ INLINE Mask blocked_in_tree(const Shapes *shapes, const Ray *ray, Mask active, I
             else if (ends)
                 met = one & stacked_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, ends, target);
             else
-                met = one & slot_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, target);
+                met = one & slot_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, target, f);
         }
         blocked |= met;
     }
     return blocked;
 }
 
-STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
-    return blocked_in_tree(shapes, ray, active, target, NULL);
+    return blocked_in_tree(shapes, ray, active, target, NULL, f);
 }
-STAGE Mask tree_stacked_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Mask tree_stacked_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
     Ends ends = ends_of(shapes, ray, target);
-    return blocked_in_tree(shapes, ray, active, target, &ends);
+    return blocked_in_tree(shapes, ray, active, target, &ends, f);
 }
 
 /* How many slots the shape has whose first this is. */
@@ -438,22 +440,43 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
     return blocked;
 }
 
-/* What the rays of the active lanes meet first. */
-STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+/* Which of these rays meet what shines: `hit` is what they meet of all but triangles, of which none shines. */
+STAGE Mask light_is_met(const Shapes *shapes, const Ray *ray, Mask active, Hit hit, Features f)
+{
+    Mask missed = hit.slot < 0, lit = gather_index(shapes->shines, index_select(missed, index_of(0), hit.slot)) != 0;
+    lit = and_not(lit, missed) | (f.has & HAS_ANY(SKIES) ? missed : mask_none());
+    Ray before = {ray->o, ray->d, hit.t, ray->from};
+    active &= lit;
+    return and_not(active, triangles_blocked(shapes, &before, active, index_of(-1), f));
+}
+
+/* What the rays of the active lanes meet first. Of those in `last` only light matters: one that meets none may be no
+   longer active. */
+STAGE Hit shapes_hit_or_light(const Shapes *shapes, const Ray *ray, Mask *active, Mask last, Mask hiding, Features f)
 {
     Hit hit;
     if (f.has & HAS_STACKS) {
-        hit = f.has & HAS_TREE ? tree_stacked_hit(shapes, ray, active, hiding, f)
-                               : each_stacked_hit(shapes, ray, active, hiding, f);
+        hit = f.has & HAS_TREE ? tree_stacked_hit(shapes, ray, *active, hiding, f)
+                               : each_stacked_hit(shapes, ray, *active, hiding, f);
     } else if (f.has & HAS_TREE) {
-        hit = tree_hit(shapes, ray, active, hiding, f);
+        hit = tree_hit(shapes, ray, *active, hiding, f);
     } else {
         hit = flat_hit(shapes, ray, hiding, f);
         solid_hit(shapes, ray, hiding, &hit, f);
     }
-    if (f.has & HAS_MESH)
-        triangles_hit(shapes, ray, active, hiding, &hit, f);
+    if (f.has & HAS_MESH) {
+        last &= f.has & (HAS_STACKS | HAS_MESH_LIGHT) ? mask_none() : *active;
+        Mask others = and_not(*active, last);
+        if (any(last))
+            *active = others | light_is_met(shapes, ray, last, hit, f);
+        triangles_hit(shapes, ray, others, hiding, &hit, f);
+    }
     return hit;
+}
+
+STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+{
+    return shapes_hit_or_light(shapes, ray, &active, mask_none(), hiding, f);
 }
 
 /* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for
@@ -462,10 +485,10 @@ STAGE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, In
 {
     Mask blocked;
     if (f.has & HAS_STACKS)
-        blocked = f.has & HAS_TREE ? tree_stacked_blocks(shapes, ray, active, target)
+        blocked = f.has & HAS_TREE ? tree_stacked_blocks(shapes, ray, active, target, f)
                                    : each_stacked_blocks(shapes, ray, target);
     else
-        blocked = f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target)
+        blocked = f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target, f)
                                    : each_blocks(shapes, ray, target, f);
     if (f.has & HAS_MESH)
         blocked |= triangles_blocked(shapes, ray, and_not(active, blocked), target, f);
