@@ -61,6 +61,9 @@ typedef uint64_t Word;
 #define UNROLLED _Pragma("GCC unroll 8")
 #endif
 
+/* A loop that has the processor's registers to itself. */
+#define APART static __attribute__((noinline, unused))
+
 /* A larger step: part of each specialised instance, where the feature mask is a constant and what it lacks folds
    away; in the generic kernel a function that all calls share. One that few scenes take is there also out of the way of
    the others' registers. */

@@ -289,17 +289,11 @@ INLINE Hit nearest_in_tree(
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane);
         Beam beam = beam_of(&beams, lane, -1, -1);
-        Pending pending[PENDING_MOST];
-        pending[0] = (Pending){0, 0};
-        for (int count = 1; count > 0;) {
-            Pending next = pending[--count];
-            if (next.near > LANE(hit.t, lane) * (1 + 8 * ROUNDING))
-                continue;
-            if (next.child >= 0) {
-                add_children(&shapes->tree.nodes[next.child], &beam, (float)LANE(hit.t, lane), pending, &count);
-                continue;
-            }
-            int slot = shapes->slot_of_leaf[-2 - next.child];
+        const Slabs slabs = slabs_of(&beam);
+        Pending pending;
+        start_at_root(&pending);
+        for (int n; (n = next_leaf(shapes->tree.nodes, &slabs, LANE(hit.t, lane), 1, &pending)) >= 0;) {
+            int slot = shapes->slot_of_leaf[n];
             if (stacked) {
                 meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
                 hit = (Hit){nearest.t, nearest.slot};
@@ -332,16 +326,15 @@ INLINE Mask blocked_in_tree(
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane), met = mask_none();
         Beam beam = beam_of(&beams, lane, -1, -1);
-        Pending pending[PENDING_MOST];
-        pending[0] = (Pending){0, 0};
-        for (int count = 1; count > 0 && !any(met);) {
-            int child = pending[--count].child;
-            if (child >= 0)
-                add_children(&shapes->tree.nodes[child], &beam, (float)LANE(ray->tmax, lane), pending, &count);
-            else if (ends)
-                met = one & stacked_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, ends, target);
-            else
-                met = one & slot_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, target, f);
+        const Slabs slabs = slabs_of(&beam);
+        Pending pending;
+        start_at_root(&pending);
+        for (int n; !any(met)
+                    && (n = next_leaf(shapes->tree.nodes, &slabs, LANE(ray->tmax, lane), 0, &pending)) >= 0;) {
+            int slot = shapes->slot_of_leaf[n];
+            met = one
+                  & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
+                          : slot_blocks(shapes, slot, ray, target, f));
         }
         blocked |= met;
     }
@@ -443,7 +436,8 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
 /* Which of these rays meet what shines: `hit` is what they meet of all but triangles, of which none shines. */
 STAGE Mask light_is_met(const Shapes *shapes, const Ray *ray, Mask active, Hit hit, Features f)
 {
-    Mask missed = hit.slot < 0, lit = gather_index(shapes->shines, index_select(missed, index_of(0), hit.slot)) != 0;
+    Mask missed = hit.slot < 0,
+         lit = gather_index(shapes->shines, index_select(missed, index_of(0), hit.slot)) != 0;
     lit = and_not(lit, missed) | (f.has & HAS_ANY(SKIES) ? missed : mask_none());
     Ray before = {ray->o, ray->d, hit.t, ray->from};
     active &= lit;
@@ -452,7 +446,8 @@ STAGE Mask light_is_met(const Shapes *shapes, const Ray *ray, Mask active, Hit h
 
 /* What the rays of the active lanes meet first. Of those in `last` only light matters: one that meets none may be no
    longer active. */
-STAGE Hit shapes_hit_or_light(const Shapes *shapes, const Ray *ray, Mask *active, Mask last, Mask hiding, Features f)
+STAGE Hit shapes_hit_or_light(
+    const Shapes *shapes, const Ray *ray, Mask *active, Mask last, Mask hiding, Features f)
 {
     Hit hit;
     if (f.has & HAS_STACKS) {

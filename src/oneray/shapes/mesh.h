@@ -173,20 +173,14 @@ INLINE int triangle_nearer(const StackedRay *stacked, const Beam *beam, Int here
 
 /* The nearest before *t, or as near and of a lower slot. `shines`, where not NULL, says by row what the ray
    passes by; `stacked`, where not NULL, knows of surfaces in one place. */
-INLINE void triangles_nearest(
-    const Triangles *triangles, const Beam *beam, const Int *shines, const StackedRay *stacked, Num *t, Int *slot)
+APART void triangles_nearest(const Triangles *triangles, const Beam *beam, const Int *shines,
+    const StackedRay *stacked, Num *t, Int *slot)
 {
-    Pending pending[PENDING_MOST];
-    pending[0] = (Pending){0, 0};
-    for (int count = 1; count > 0;) {
-        Pending next = pending[--count];
-        if (next.near > *t * (1 + 8 * ROUNDING))
-            continue;
-        if (next.child >= 0) {
-            add_children(&triangles->tree.nodes[next.child], beam, (float)*t, pending, &count);
-            continue;
-        }
-        const TriangleLeaf *leaf = &triangles->leaves[-2 - next.child];
+    const Slabs slabs = slabs_of(beam);
+    Pending pending;
+    start_at_root(&pending);
+    for (int n; (n = next_leaf(triangles->tree.nodes, &slabs, *t, 1, &pending)) >= 0;) {
+        const TriangleLeaf *leaf = &triangles->leaves[n];
         Num at[8];
         for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
             int k = lowest_lane(bits), here = leaf->slot[k];
@@ -212,17 +206,13 @@ INLINE int triangle_between(const StackedRay *stacked, const Beam *beam, Int her
 }
 
 /* L3 Is any in the way before t, one that is neither where the ray starts nor where it ends? */
-INLINE int triangles_block(const Triangles *triangles, const Beam *beam, const StackedRay *stacked, Num t)
+APART int triangles_block(const Triangles *triangles, const Beam *beam, const StackedRay *stacked, Num t)
 {
-    Pending pending[PENDING_MOST];
-    pending[0] = (Pending){0, 0};
-    for (int count = 1; count > 0;) {
-        int child = pending[--count].child;
-        if (child >= 0) {
-            add_children(&triangles->tree.nodes[child], beam, (float)t, pending, &count);
-            continue;
-        }
-        const TriangleLeaf *leaf = &triangles->leaves[-2 - child];
+    const Slabs slabs = slabs_of(beam);
+    Pending pending;
+    start_at_root(&pending);
+    for (int n; (n = next_leaf(triangles->tree.nodes, &slabs, t, 0, &pending)) >= 0;) {
+        const TriangleLeaf *leaf = &triangles->leaves[n];
         Num at[8];
         for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
             int k = lowest_lane(bits);
