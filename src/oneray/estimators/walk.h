@@ -54,7 +54,15 @@ INLINE Hit next_hit(Path *path, const Scene *scene, Mask hiding, Features f)
         if (!any(path->alive))
             return (Hit){path->ray.tmax, index_of(-1)};
     }
-    return shapes_hit_or_light(&scene->shapes, &path->ray, &path->alive, last, hiding, f);
+    if (!AHEAD(f))
+        return shapes_hit_or_light(&scene->shapes, &path->ray, &path->alive, last, hiding, 0, f);
+    Mask known = path->depth == index_of(0), rest = and_not(path->alive, known);
+    Hit hit = {path->ray.tmax, index_of(-1)};
+    if (any(rest))
+        hit = shapes_hit_or_light(&scene->shapes, &path->ray, &rest, last, hiding, 0, f);
+    path->alive &= rest | known;
+    take(&hit, known, path->first_hit);
+    return hit;
 }
 
 INLINE void note_vertex(const Path *path, Hit hit, const Surface *s, Features f)

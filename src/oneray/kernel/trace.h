@@ -61,6 +61,7 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
 #undef X
         path->roulette = start->roulette;
         path->flux = start->flux;
+        path->first_hit = start->hit;
         *busy = mask_all();
         path_start(path, *busy);
         return;
@@ -76,6 +77,10 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
         START_FIELDS(X)
         if (f.use & USE_ROULETTE)
             X(roulette)
+        if (AHEAD(f)) {
+            LANE(path->first_hit.t, lane) = LANE(start->hit.t, used);
+            LANE(path->first_hit.slot, lane) = LANE(start->hit.slot, used);
+        }
         if (f.use & USE_LIGHT_PATHS) {
             X(flux.r) X(flux.g) X(flux.b)
         }

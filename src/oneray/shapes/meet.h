@@ -2,6 +2,7 @@
 #pragma once
 
 #include "kinds/shapes.h"
+#include "shapes/packet.h"
 
 /* How many slots a shape of this kind has. */
 #define SLOTS(name) slots_of_planes(name##_planes)
@@ -291,7 +292,7 @@ INLINE Hit nearest_in_tree(
         Beam beam = beam_of(&beams, lane, -1, -1);
         const Slabs slabs = slabs_of(&beam);
         Pending pending;
-        start_at_root(&pending);
+        start_below(&pending, 0);
         for (int n; (n = next_leaf(shapes->tree.nodes, &slabs, LANE(hit.t, lane), 1, &pending)) >= 0;) {
             int slot = shapes->slot_of_leaf[n];
             if (stacked) {
@@ -328,7 +329,7 @@ INLINE Mask blocked_in_tree(
         Beam beam = beam_of(&beams, lane, -1, -1);
         const Slabs slabs = slabs_of(&beam);
         Pending pending;
-        start_at_root(&pending);
+        start_below(&pending, 0);
         for (int n; !any(met)
                     && (n = next_leaf(shapes->tree.nodes, &slabs, LANE(ray->tmax, lane), 0, &pending)) >= 0;) {
             int slot = shapes->slot_of_leaf[n];
@@ -388,23 +389,37 @@ INLINE StackedRay stacked_ray(const Shapes *shapes, const Ray *ray, int lane, In
         LANE(ray->from, lane), target};
 }
 
+/* `together`: the rays may be alike, so that packets are worth a try. */
 STAGE void triangles_hit(
-    const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Hit *hit, Features f)
+    const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int together, Hit *hit, Features f)
 {
     unsigned hidden = f.has & HAS_HIDDEN ? mask_bits(hiding) : 0;
+    (void)together;
     Beams beams;
     beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
+#if PACKETS
+        Packet packet;
+        unsigned alike = f.has & HAS_STACKS || !together
+                             ? 0
+                             : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
+        if (alike) {
+            Wanted wanted = {ray->from, index_of(-1), shapes->shines, hidden & alike, &hit->t, &hit->slot};
+            packet_nearest(&shapes->triangles, &packet, alike, &wanted);
+            lanes &= ~alike | 1u << lane;
+            continue;
+        }
+#endif
         Num t = LANE(hit->t, lane);
         Int slot = LANE(hit->slot, lane);
         Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), -1);
         const Int *shines = hidden >> lane & 1 ? shapes->shines : NULL;
         if (f.has & HAS_STACKS) {
             StackedRay stacked = stacked_ray(shapes, ray, lane, -1);
-            triangles_nearest(&shapes->triangles, &beam, shines, &stacked, &t, &slot);
+            triangles_nearest(&shapes->triangles, &beam, 0, shines, &stacked, &t, &slot);
         } else {
-            triangles_nearest(&shapes->triangles, &beam, shines, NULL, &t, &slot);
+            triangles_nearest(&shapes->triangles, &beam, 0, shines, NULL, &t, &slot);
         }
         LANE(hit->t, lane) = t;
         LANE(hit->slot, lane) = slot;
@@ -418,14 +433,26 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
     beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
+#if PACKETS
+        Packet packet;
+        unsigned alike =
+            f.has & HAS_STACKS ? 0 : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
+        if (alike) {
+            Real t = ray->tmax;
+            Wanted wanted = {ray->from, target, NULL, 0, &t, NULL};
+            blocked |= lanes_mask(alike & ~packet_passes(&shapes->triangles, &packet, alike, &wanted));
+            lanes &= ~alike | 1u << lane;
+            continue;
+        }
+#endif
         Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), LANE(target, lane));
         Num tmax = LANE(ray->tmax, lane);
         int met;
         if (f.has & HAS_STACKS) {
             StackedRay stacked = stacked_ray(shapes, ray, lane, LANE(target, lane));
-            met = triangles_block(&shapes->triangles, &beam, &stacked, tmax);
+            met = triangles_block(&shapes->triangles, &beam, 0, &stacked, tmax);
         } else {
-            met = triangles_block(&shapes->triangles, &beam, NULL, tmax);
+            met = triangles_block(&shapes->triangles, &beam, 0, NULL, tmax);
         }
         if (met)
             blocked |= one_lane(lane);
@@ -447,7 +474,7 @@ STAGE Mask light_is_met(const Shapes *shapes, const Ray *ray, Mask active, Hit h
 /* What the rays of the active lanes meet first. Of those in `last` only light matters: one that meets none may be no
    longer active. */
 STAGE Hit shapes_hit_or_light(
-    const Shapes *shapes, const Ray *ray, Mask *active, Mask last, Mask hiding, Features f)
+    const Shapes *shapes, const Ray *ray, Mask *active, Mask last, Mask hiding, int together, Features f)
 {
     Hit hit;
     if (f.has & HAS_STACKS) {
@@ -464,14 +491,15 @@ STAGE Hit shapes_hit_or_light(
         Mask others = and_not(*active, last);
         if (any(last))
             *active = others | light_is_met(shapes, ray, last, hit, f);
-        triangles_hit(shapes, ray, others, hiding, &hit, f);
+        triangles_hit(shapes, ray, others, hiding, together, &hit, f);
     }
     return hit;
 }
 
+/* What the rays of the active lanes meet first, of rays that may be alike. */
 STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
 {
-    return shapes_hit_or_light(shapes, ray, &active, mask_none(), hiding, f);
+    return shapes_hit_or_light(shapes, ray, &active, mask_none(), hiding, 1, f);
 }
 
 /* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for

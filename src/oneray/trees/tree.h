@@ -225,7 +225,7 @@ INLINE Beam beam_of(const Beams *beams, int lane, Int from, Int target)
 typedef struct {
     BoxPiece inverse[3], near[3], wider[3], far[3];
     int near_plane[3], far_plane[3]; /* which planes of a node are met first and last */
-    int order, turned;               /* which of a node's orders, and from which end */
+    int order, turned; /* which of a node's orders, and from which end */
 } Slabs;
 
 #define MARGIN (1 + 8 * ROUNDING)
@@ -284,11 +284,12 @@ typedef struct {
     int32_t child[PENDING_MOST];
 } Pending;
 
-INLINE void start_at_root(Pending *pending)
+/* At node 0, the root, or below. */
+INLINE void start_below(Pending *pending, int32_t child)
 {
     pending->count = 1;
     pending->near[0] = 0;
-    pending->child[0] = 0;
+    pending->child[0] = child;
 }
 
 #if BOXES == 8 && !defined(__AVX512VL__)
