@@ -5,7 +5,7 @@
 
 #include "shapes/shape.h"
 
-#if BOXES == 8 && LANES >= 4
+#if BOXES == 8 && LANES >= 8 /* of fewer it takes more instructions than of single rays */
 #define PACKETS 1
 #else
 #define PACKETS 0
@@ -14,7 +14,7 @@
 #if PACKETS
 
 /* Of how many rays a packet is made, and from how few on each goes on by itself. */
-enum { PACKET_FORMS = LANES > 8 ? LANES / 2 : 4, PACKET_LEAST = 4 };
+enum { PACKET_FORMS = LANES / 2, PACKET_LEAST = 4 };
 #define PACKET_ORIGINS 0.0625   /* how far apart they may start along an axis, of the tree's extent */
 #define PACKET_DIRECTIONS 0.125 /* how different their directions may be along an axis */
 
@@ -23,10 +23,8 @@ typedef float Floats __attribute__((vector_size(4 * LANES)));
 typedef int32_t FloatsMask __attribute__((vector_size(4 * LANES)));
 #if LANES == 16
 #define FLOATS(name, ...) ((Floats)_mm512_##name##_ps(__VA_ARGS__))
-#elif LANES == 8
-#define FLOATS(name, ...) ((Floats)_mm256_##name##_ps(__VA_ARGS__))
 #else
-#define FLOATS(name, ...) ((Floats)_mm_##name##_ps(__VA_ARGS__))
+#define FLOATS(name, ...) ((Floats)_mm256_##name##_ps(__VA_ARGS__))
 #endif
 #define FLOATS_OF(a) ((Floats)EACH((float)(a)))
 
@@ -38,24 +36,17 @@ INLINE Floats floats_at(const float a[LANES])
 }
 INLINE unsigned at_most(Floats a, Floats b)
 {
-#if LANES == 8
-    return (unsigned)_mm256_movemask_ps(FLOATS(cmp, a, b, _CMP_LE_OQ));
-#elif LANES == 16
+#if LANES == 16
     return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ);
 #else
-    return (unsigned)_mm_movemask_ps(FLOATS(cmp, a, b, _CMP_LE_OQ));
+    return (unsigned)_mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_LE_OQ));
 #endif
 }
 
-#define LANE_BITS_4 1, 2, 4, 8
-#define LANE_BITS_8 LANE_BITS_4, 16, 32, 64, 128
-#define LANE_BITS_16 LANE_BITS_8, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768
 #if LANES == 16
-#define LANE_BITS {LANE_BITS_16}
-#elif LANES == 8
-#define LANE_BITS {LANE_BITS_8}
+#define LANE_BITS {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768}
 #else
-#define LANE_BITS {LANE_BITS_4}
+#define LANE_BITS {1, 2, 4, 8, 16, 32, 64, 128}
 #endif
 INLINE Mask lanes_mask(unsigned bits) { return (index_of(bits) & (Index)LANE_BITS) != 0; }
 
@@ -68,11 +59,7 @@ INLINE float lowest_of(Floats a)
 #if LANES == 16
     return _mm512_reduce_min_ps(a);
 #else
-#if LANES == 8
     __m128 four = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
-#else
-    __m128 four = a;
-#endif
     __m128 two = _mm_min_ps(four, _mm_movehl_ps(four, four));
     return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
 #endif
