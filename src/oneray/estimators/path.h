@@ -20,6 +20,7 @@ typedef struct {
     Rng rng;
     Real roulette; /* uniform in (0, 1), whatever the path has survived */
     Index rays, shadow_rays; /* how many, by lane, counted downwards where a mask is -1 */
+    Hit first_hit; /* AHEAD */
     Mask unreachable; /* light tracing: the eye saw a surface that no light path can be joined to it at */
     Vertices *vertices; /* USE_VERTICES: where they are kept */
 } Path;
@@ -30,7 +31,11 @@ typedef struct {
     Ray ray;
     Real roulette;
     Light flux; /* of a light path */
+    Hit hit;    /* AHEAD */
 } Start;
+
+/* Are camera rays traced before paths take them, all lanes together? */
+#define AHEAD(f) (PACKETS && ((f).has & HAS_MESH) && !((f).use & USE_LIGHT_PATHS))
 
 /* P6 Where on the film the sample is, from the pixel's corner on: u[0], u[1]. */
 STAGE Uniforms film_point(const Rng *rng, const Scene *scene, Real pixel_x, Real pixel_y, Features f)
@@ -51,6 +56,9 @@ STAGE void start_at(Start *start, const Scene *scene, Real pixel_x, Real pixel_y
         lens = random_block(&start->rng, index_of(0), DIMENSION_EMITTER, f);
     start->ray = camera_ray(&scene->camera, pixel_x + film.u[0], pixel_y + film.u[1], lens.u, f);
     start->roulette = film.u[2];
+    if (AHEAD(f))
+        start->hit = shapes_hit(
+            &scene->shapes, &start->ray, mask_all(), f.has & HAS_HIDDEN ? mask_all() : mask_none(), f);
 }
 
 /* L12 The eye is a specular vertex: it sends no ray to the lights, so its ray must return the light that it

@@ -24,11 +24,45 @@ STAGE void bounce(
         play_roulette(path, scene, f);
 }
 
-/* What the ray meets; `hiding` are lanes that pass what shines. */
+/* The lanes whose ray is the last of its path: L19, max_depth counts as Mitsuba's, 1 is emission only, 2 direct light. */
+INLINE Mask is_last(const Path *path, const Scene *scene)
+{
+    return path->depth + 1 >= index_of(scene->max_depth);
+}
+
+/* Which rays can meet a light, if all lights are shapes and few. */
+enum { FEW_LIGHTS = 4 };
+INLINE Mask towards_light(const Scene *scene, const Ray *ray, Features f)
+{
+    Hit at;
+    Mask met = mask_none();
+    for (int i = 0; i < scene->emitters.count; i++)
+        if (scene->emitters.slot[i] >= 0)
+            met |= slot_meets(&scene->shapes, (int)scene->emitters.slot[i], ray, &at, f);
+    return met;
+}
+
+/* What the ray meets; `hiding` are lanes that pass what shines. From a path's last ray only light is wanted: where it
+   meets none the path may end before it is known what it does meet. It counts as a ray all the same. */
 INLINE Hit next_hit(Path *path, const Scene *scene, Mask hiding, Features f)
 {
     path->rays += path->alive;
-    return shapes_hit(&scene->shapes, &path->ray, path->alive, hiding, f);
+    Mask last = f.use & USE_VERTICES ? mask_none() : is_last(path, scene);
+    if (!(f.has & (HAS_STACKS | HAS_MESH_LIGHT | HAS_ANY(SKIES))) && scene->emitters.count <= FEW_LIGHTS
+        && !any(and_not(path->alive, last))) {
+        path->alive &= towards_light(scene, &path->ray, f);
+        if (!any(path->alive))
+            return (Hit){path->ray.tmax, index_of(-1)};
+    }
+    if (!AHEAD(f))
+        return shapes_hit_or_light(&scene->shapes, &path->ray, &path->alive, last, hiding, 0, f);
+    Mask known = path->depth == index_of(0), rest = and_not(path->alive, known);
+    Hit hit = {path->ray.tmax, index_of(-1)};
+    if (any(rest))
+        hit = shapes_hit_or_light(&scene->shapes, &path->ray, &rest, last, hiding, 0, f);
+    path->alive &= rest | known;
+    take(&hit, known, path->first_hit);
+    return hit;
 }
 
 INLINE void note_vertex(const Path *path, Hit hit, const Surface *s, Features f)
@@ -38,11 +72,10 @@ INLINE void note_vertex(const Path *path, Hit hit, const Surface *s, Features f)
             path->alive & (hit.slot >= index_of(0)));
 }
 
-/* L19 Which paths may go on from what they have met: max_depth counts as Mitsuba's, 1 is emission only, 2 direct
-   light. A ray that leaves the scene returns no energy. */
+/* Which paths may go on from what they have met. A ray that leaves the scene returns no energy. */
 INLINE Mask goes_on(const Path *path, const Scene *scene, Hit hit)
 {
-    return path->alive & (hit.slot >= index_of(0)) & (path->depth + 1 < index_of(scene->max_depth));
+    return and_not(path->alive & (hit.slot >= index_of(0)), is_last(path, scene));
 }
 
 /* L7 The random walk, by one vertex: L = what the point emits + what it reflects, and the ray recurses. */
@@ -50,6 +83,8 @@ STAGE void path_step(Path *path, const Scene *scene, Features f)
 {
     Mask front, hiding = f.has & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
     Hit hit = next_hit(path, scene, hiding, f);
+    if (!any(path->alive))
+        return;
     Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
     note_vertex(path, hit, &surface, f);
     if (f.has & (HAS_AREA | HAS_ANY(SKIES))) {

@@ -18,7 +18,8 @@ typedef struct {
 } Job;
 
 typedef struct {
-    uint64_t rays, shadow_rays;
+    uint64_t rays; /* the last of a path among them, of which perhaps only is known that it meets no light */
+    uint64_t shadow_rays;
     int64_t endless; /* a pixel whose path did not end within PATH_LIMIT vertices, or -1 */
     int64_t unreachable; /* light tracing: a pixel that shows a mirror or glass, or -1 */
 } Counters;

@@ -39,13 +39,33 @@ STAGE void make_starts(Queue *queue, const Scene *scene, const Job *job, Feature
     queue->used = 0;
 }
 
-#define COPY_LANE(field) LANE(path->field, lane) = LANE(start->field, used)
+/* Paths so short stay side by side in all lanes: all of them start at once, and are at their last ray at once. */
+enum { IN_STEP_DEPTH = 2 };
+
+/* What a path takes over from its start. */
+#define START_FIELDS(X)                                                                                      \
+    X(rng.pixel) X(rng.sample_low) X(rng.sample_high) X(ray.o.x) X(ray.o.y) X(ray.o.z) X(ray.d.x) X(ray.d.y) \
+    X(ray.d.z) X(ray.tmax) X(ray.from)
 
 /* Gives each lane whose path has ended the next sample, and starts its path. */
 INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job, Mask *busy, Features f)
 {
     const Start *start = &queue->start;
     Mask fresh = mask_none();
+    if (queue->used == LANES && !any(*busy) && queue->count - queue->next >= LANES) {
+        make_starts(queue, scene, job, f);
+        for (queue->used = 0; queue->used < LANES; queue->used++)
+            queue->item[queue->used] = queue->next++;
+#define X(field) path->field = start->field;
+        START_FIELDS(X)
+#undef X
+        path->roulette = start->roulette;
+        path->flux = start->flux;
+        path->first_hit = start->hit;
+        *busy = mask_all();
+        path_start(path, *busy);
+        return;
+    }
     for (unsigned idle = mask_bits(mask_not(*busy)); idle && queue->next < queue->count; idle &= idle - 1) {
         int lane = lowest_lane(idle);
         if (queue->used == LANES)
@@ -53,14 +73,18 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
         int used = queue->used++;
         queue->item[lane] = queue->next++;
         LANE(fresh, lane) = LANE(mask_all(), lane);
-        COPY_LANE(rng.pixel), COPY_LANE(rng.sample_low), COPY_LANE(rng.sample_high);
-        COPY_LANE(ray.o.x), COPY_LANE(ray.o.y), COPY_LANE(ray.o.z);
-        COPY_LANE(ray.d.x), COPY_LANE(ray.d.y), COPY_LANE(ray.d.z);
-        COPY_LANE(ray.tmax), COPY_LANE(ray.from);
+#define X(field) LANE(path->field, lane) = LANE(start->field, used);
+        START_FIELDS(X)
         if (f.use & USE_ROULETTE)
-            COPY_LANE(roulette);
-        if (f.use & USE_LIGHT_PATHS)
-            COPY_LANE(flux.r), COPY_LANE(flux.g), COPY_LANE(flux.b);
+            X(roulette)
+        if (AHEAD(f)) {
+            LANE(path->first_hit.t, lane) = LANE(start->hit.t, used);
+            LANE(path->first_hit.slot, lane) = LANE(start->hit.slot, used);
+        }
+        if (f.use & USE_LIGHT_PATHS) {
+            X(flux.r) X(flux.g) X(flux.b)
+        }
+#undef X
         (void)used;
     }
     *busy |= fresh;
@@ -97,8 +121,9 @@ INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Featur
     path.rng.key[0] = queue.start.rng.key[0] = (uint32_t)job->seed;
     path.rng.key[1] = queue.start.rng.key[1] = (uint32_t)(job->seed >> 32);
     Mask busy = mask_none();
+    const int in_step = scene->max_depth <= IN_STEP_DEPTH;
     for (;;) {
-        if (queue.next < queue.count && any(mask_not(busy)))
+        if (queue.next < queue.count && any(mask_not(busy)) && !(in_step && any(busy)))
             refill(&path, &queue, scene, job, &busy, f);
         if (!any(busy))
             break;

@@ -63,8 +63,9 @@ typedef uint64_t Word;
 
 /* A larger step: part of each specialised instance, where the feature mask is a constant and what it lacks folds
    away; in the generic kernel a function that all calls share. One that few scenes take is there also out of the way of
-   the others' registers, and one of a kind that no instance knows is a function everywhere, calls of which fold away:
-   inlined first, they would make the instances eight times as long to compile. */
+   the others' registers. APART is a function everywhere: a loop that has the processor's registers to itself, or a step
+   of a kind that no instance knows, calls of which fold away; inlined first, such kinds would make the instances eight
+   times as long to compile. */
 #ifdef SPECIALISED
 #define STAGE INLINE
 #else
@@ -130,7 +131,9 @@ INLINE Pairs multiply_halves(Pairs a, Pairs b)
 /* The high halves of a, the low halves of b. */
 INLINE Pairs odd_halves(Pairs a, Pairs b)
 {
-#if VECTOR_BYTES == 32 && defined(__AVX2__)
+#if VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return (Pairs)_mm512_mask_blend_epi32(0xAAAA, (__m512i)b, (__m512i)a);
+#elif VECTOR_BYTES == 32 && defined(__AVX2__)
     return (Pairs)_mm256_blend_epi32((__m256i)b, (__m256i)a, 0xAA);
 #else
     return (a & ~(uint64_t)0xFFFFFFFFu) | (b & 0xFFFFFFFFu);
@@ -205,7 +208,9 @@ INLINE Real only(Mask m, Real a) { return select(m, a, real(0)); }           /* 
 /* b where either is nan. */
 INLINE Real real_min(Real a, Real b)
 {
-#if VECTOR_BYTES == 32 && defined(__AVX2__)
+#if VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return (Real)INTRINSIC(_mm512, min)(a, b);
+#elif VECTOR_BYTES == 32 && defined(__AVX2__)
     return (Real)INTRINSIC(_mm256, min)(a, b);
 #else
     return select(a < b, a, b);
@@ -213,7 +218,9 @@ INLINE Real real_min(Real a, Real b)
 }
 INLINE Real real_max(Real a, Real b)
 {
-#if VECTOR_BYTES == 32 && defined(__AVX2__)
+#if VECTOR_BYTES == 64 && defined(__AVX512F__)
+    return (Real)INTRINSIC(_mm512, max)(a, b);
+#elif VECTOR_BYTES == 32 && defined(__AVX2__)
     return (Real)INTRINSIC(_mm256, max)(a, b);
 #else
     return select(a > b, a, b);
@@ -260,20 +267,43 @@ INLINE Index gather_index(const Int *table, Index i)
     return a;
 }
 
+/* From rows of four floats, ROWS(k) those of lanes k, k + 4, … side by side, to four numbers of each lane. */
+#define TRANSPOSE_FOURS(Type, prefix)                                                                        \
+    Type row_0 = ROWS(0), row_1 = ROWS(1), row_2 = ROWS(2), row_3 = ROWS(3);                                 \
+    Type a = prefix##_unpacklo_ps(row_0, row_1), b = prefix##_unpacklo_ps(row_2, row_3);                     \
+    Type c = prefix##_unpackhi_ps(row_0, row_1), d = prefix##_unpackhi_ps(row_2, row_3);                     \
+    out[0] = (Real)prefix##_shuffle_ps(a, b, 0x44);                                                          \
+    out[1] = (Real)prefix##_shuffle_ps(a, b, 0xEE);                                                          \
+    out[2] = (Real)prefix##_shuffle_ps(c, d, 0x44);                                                          \
+    out[3] = (Real)prefix##_shuffle_ps(c, d, 0xEE)
+
 /* Four numbers in a row of a table, from table[at] on, for each lane. Reads all four also where fewer are used:
    tables have room for it at their end. */
 INLINE void gather_four(const Num *table, Index at, Real out[4])
 {
-#if defined(SINGLE) && LANES == 8 && defined(__AVX2__)
-#define ROWS(k) _mm256_loadu2_m128(table + at[k + 4], table + at[k])
-    __m256 row_0 = ROWS(0), row_1 = ROWS(1), row_2 = ROWS(2), row_3 = ROWS(3);
+#if defined(SINGLE) && LANES == 16 && defined(__AVX512DQ__)
+#define QUARTER(rows, k, part) _mm512_insertf32x4(rows, _mm_loadu_ps(table + at[k + 4 * part]), part)
+#define ROWS(k) QUARTER(QUARTER(QUARTER(_mm512_castps128_ps512(_mm_loadu_ps(table + at[k])), k, 1), k, 2), k, 3)
+    TRANSPOSE_FOURS(__m512, _mm512);
+#undef QUARTER
 #undef ROWS
-    __m256 a = _mm256_unpacklo_ps(row_0, row_1), b = _mm256_unpacklo_ps(row_2, row_3);
-    __m256 c = _mm256_unpackhi_ps(row_0, row_1), d = _mm256_unpackhi_ps(row_2, row_3);
-    out[0] = (Real)_mm256_shuffle_ps(a, b, 0x44);
-    out[1] = (Real)_mm256_shuffle_ps(a, b, 0xEE);
-    out[2] = (Real)_mm256_shuffle_ps(c, d, 0x44);
-    out[3] = (Real)_mm256_shuffle_ps(c, d, 0xEE);
+#elif defined(SINGLE) && LANES == 8 && defined(__AVX2__)
+#define ROWS(k) _mm256_loadu2_m128(table + at[k + 4], table + at[k])
+    TRANSPOSE_FOURS(__m256, _mm256);
+#undef ROWS
+#elif !defined(SINGLE) && LANES == 8 && defined(__AVX512DQ__)
+#define HALF(k) _mm256_loadu_pd(table + at[k])
+#define ROWS(k) _mm512_insertf64x4(_mm512_castpd256_pd512(HALF(k)), HALF(k + 4), 1)
+    __m512d row_0 = ROWS(0), row_1 = ROWS(1), row_2 = ROWS(2), row_3 = ROWS(3);
+#undef ROWS
+#undef HALF
+    __m512d a = _mm512_unpacklo_pd(row_0, row_1), b = _mm512_unpacklo_pd(row_2, row_3);
+    __m512d c = _mm512_unpackhi_pd(row_0, row_1), d = _mm512_unpackhi_pd(row_2, row_3);
+    const __m512i low = _mm512_setr_epi64(0, 1, 8, 9, 4, 5, 12, 13), high = low + 2;
+    out[0] = (Real)_mm512_permutex2var_pd(a, low, b);
+    out[1] = (Real)_mm512_permutex2var_pd(c, low, d);
+    out[2] = (Real)_mm512_permutex2var_pd(a, high, b);
+    out[3] = (Real)_mm512_permutex2var_pd(c, high, d);
 #elif !defined(SINGLE) && LANES == 4 && defined(__AVX2__)
     __m256d row_0 = _mm256_loadu_pd(table + at[0]), row_1 = _mm256_loadu_pd(table + at[1]);
     __m256d row_2 = _mm256_loadu_pd(table + at[2]), row_3 = _mm256_loadu_pd(table + at[3]);

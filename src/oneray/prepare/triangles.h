@@ -34,6 +34,24 @@ static void set_item(BvhItem *item, const Bounds *bounds, const Bounds *all, int
     }
 }
 
+/* The orders of the children as rays meet their middles. */
+static void order_children(TreeNode *node)
+{
+    for (int octant = 0; octant < ORDERS; octant++) {
+        uint8_t *order = node->order[octant];
+        float far[BVH_WIDTH];
+        for (int k = 0, at; k < BVH_WIDTH; k++) {
+            far[k] = -FLT_MAX;
+            for (int i = 0; i < 3 && node->where.child[k] != -1; i++)
+                far[k] = (i ? far[k] : 0)
+                         + (octant >> i & 1 ? -0.5f : 0.5f) * (node->plane[i][k] + node->plane[3 + i][k]);
+            for (at = k; at > 0 && far[order[at - 1]] < far[k]; at--)
+                order[at] = order[at - 1];
+            order[at] = (uint8_t)k;
+        }
+    }
+}
+
 /* The nodes' bounds, from the leaves upwards: a child has a higher number than its node. */
 static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds *of_leaf, const Bounds *all)
 {
@@ -41,7 +59,7 @@ static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds
         tree->center[i] = (Num)0.5 * all->low[i] + (Num)0.5 * all->high[i];
         tree->extent[i] = (Num)0.5 * all->high[i] - (Num)0.5 * all->low[i];
     }
-    tree->nodes = keep(scene, (size_t)bvh->node_count, sizeof *tree->nodes);
+    tree->nodes = keep_lines(scene, (size_t)bvh->node_count, sizeof *tree->nodes);
     for (int n = bvh->node_count - 1; n >= 0; n--) {
         TreeNode *node = &tree->nodes[n];
         node->where = bvh->nodes[n];
@@ -59,6 +77,7 @@ static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds
                 node->plane[3 + i][k] = high;
             }
         }
+        order_children(node);
     }
 }
 
@@ -113,7 +132,7 @@ static void prepare_triangle_tree(Scene *scene, const MeshTree *tree)
     Triangles *triangles = &scene->shapes.triangles;
     const Bvh *bvh = &tree->bvh;
     Bounds all = bounds_of(&tree->all), *of_leaf = allocate((size_t)bvh->leaf_count, sizeof *of_leaf);
-    triangles->leaves = keep(scene, (size_t)bvh->leaf_count, sizeof *triangles->leaves);
+    triangles->leaves = keep_lines(scene, (size_t)bvh->leaf_count, sizeof *triangles->leaves);
     for (int n = 0; n < bvh->leaf_count; n++) {
         of_leaf[n] = bounds_of(&tree->leaf[n]);
         fill_leaf(&triangles->leaves[n], triangles, tree->triangle + bvh->leaves[n][0], bvh->leaves[n][1]);

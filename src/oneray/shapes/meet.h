@@ -2,6 +2,7 @@
 #pragma once
 
 #include "kinds/shapes.h"
+#include "shapes/packet.h"
 
 /* How many slots a shape of this kind has. */
 #define SLOTS(name) slots_of_planes(name##_planes)
@@ -126,9 +127,9 @@ INLINE int axis_of_slot(const Shapes *shapes, int slot)
 }
 
 /* One shape, by its slot: the loops above for trees. */
-#define IF_SLOT(NAME) if (slot < shapes->first[SHAPE_##NAME + 1])
+#define IF_SLOT(NAME) if ((f.has & HAS_##NAME) && slot < shapes->first[SHAPE_##NAME + 1])
 
-STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
+STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, Features f)
 {
     Mask within = mask_none(), itself = ray->from == index_of(slot);
     *at = (Hit){real(0), index_of(slot)};
@@ -155,7 +156,7 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at)
     return within;
 }
 
-STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target)
+STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target, Features f)
 {
     Mask within = mask_none();
     IF_SLOT(ALIGNED)
@@ -212,7 +213,8 @@ STAGE int slot_meetings(const Shapes *shapes, int slot, const Ray *ray, Seat sta
         within = within_aligned(row, c);
     }
 #define X(NAME, name, words)                                                                                 \
-    else IF_SLOT(NAME) c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);
+    else if (slot < shapes->first[SHAPE_##NAME + 1])                                                         \
+        c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);
     FLAT_SHAPES(X)
 #undef X
     Mask starts = index_of(stacks->of[slot]) == start.stack;
@@ -288,23 +290,17 @@ INLINE Hit nearest_in_tree(
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane);
         Beam beam = beam_of(&beams, lane, -1, -1);
-        Pending pending[PENDING_MOST];
-        pending[0] = (Pending){0, 0};
-        for (int count = 1; count > 0;) {
-            Pending next = pending[--count];
-            if (next.near > LANE(hit.t, lane) * (1 + 8 * ROUNDING))
-                continue;
-            if (next.child >= 0) {
-                add_children(&shapes->tree.nodes[next.child], &beam, (float)LANE(hit.t, lane), pending, &count);
-                continue;
-            }
-            int slot = shapes->slot_of_leaf[-2 - next.child];
+        const Slabs slabs = slabs_of(&beam);
+        Pending pending;
+        start_below(&pending, 0);
+        for (int n; (n = next_leaf(shapes->tree.nodes, &slabs, LANE(hit.t, lane), 1, &pending)) >= 0;) {
+            int slot = shapes->slot_of_leaf[n];
             if (stacked) {
                 meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
                 hit = (Hit){nearest.t, nearest.slot};
                 continue;
             }
-            Mask met = one & slot_meets(shapes, slot, ray, &at) & can_meet(shapes, slot, hiding, f);
+            Mask met = one & slot_meets(shapes, slot, ray, &at, f) & can_meet(shapes, slot, hiding, f);
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
     }
@@ -321,7 +317,8 @@ STAGE Hit tree_stacked_hit(const Shapes *shapes, const Ray *ray, Mask active, Ma
 }
 
 /* `ends`, where not NULL, are those of the ray in stacks. */
-INLINE Mask blocked_in_tree(const Shapes *shapes, const Ray *ray, Mask active, Index target, const Ends *ends)
+INLINE Mask blocked_in_tree(
+    const Shapes *shapes, const Ray *ray, Mask active, Index target, const Ends *ends, Features f)
 {
     Mask blocked = mask_none();
     Beams beams;
@@ -330,30 +327,29 @@ INLINE Mask blocked_in_tree(const Shapes *shapes, const Ray *ray, Mask active, I
         int lane = lowest_lane(lanes);
         Mask one = one_lane(lane), met = mask_none();
         Beam beam = beam_of(&beams, lane, -1, -1);
-        Pending pending[PENDING_MOST];
-        pending[0] = (Pending){0, 0};
-        for (int count = 1; count > 0 && !any(met);) {
-            int child = pending[--count].child;
-            if (child >= 0)
-                add_children(&shapes->tree.nodes[child], &beam, (float)LANE(ray->tmax, lane), pending, &count);
-            else if (ends)
-                met = one & stacked_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, ends, target);
-            else
-                met = one & slot_blocks(shapes, shapes->slot_of_leaf[-2 - child], ray, target);
+        const Slabs slabs = slabs_of(&beam);
+        Pending pending;
+        start_below(&pending, 0);
+        for (int n; !any(met)
+                    && (n = next_leaf(shapes->tree.nodes, &slabs, LANE(ray->tmax, lane), 0, &pending)) >= 0;) {
+            int slot = shapes->slot_of_leaf[n];
+            met = one
+                  & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
+                          : slot_blocks(shapes, slot, ray, target, f));
         }
         blocked |= met;
     }
     return blocked;
 }
 
-STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Mask tree_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
-    return blocked_in_tree(shapes, ray, active, target, NULL);
+    return blocked_in_tree(shapes, ray, active, target, NULL, f);
 }
-STAGE Mask tree_stacked_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target)
+STAGE Mask tree_stacked_blocks(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
     Ends ends = ends_of(shapes, ray, target);
-    return blocked_in_tree(shapes, ray, active, target, &ends);
+    return blocked_in_tree(shapes, ray, active, target, &ends, f);
 }
 
 /* How many slots the shape has whose first this is. */
@@ -393,23 +389,37 @@ INLINE StackedRay stacked_ray(const Shapes *shapes, const Ray *ray, int lane, In
         LANE(ray->from, lane), target};
 }
 
+/* `together`: the rays may be alike, so that packets are worth a try. */
 STAGE void triangles_hit(
-    const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Hit *hit, Features f)
+    const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int together, Hit *hit, Features f)
 {
     unsigned hidden = f.has & HAS_HIDDEN ? mask_bits(hiding) : 0;
+    (void)together;
     Beams beams;
     beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
+#if PACKETS
+        Packet packet;
+        unsigned alike = f.has & HAS_STACKS || !together
+                             ? 0
+                             : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
+        if (alike) {
+            Wanted wanted = {ray->from, index_of(-1), shapes->shines, hidden & alike, &hit->t, &hit->slot};
+            packet_nearest(&shapes->triangles, &packet, alike, &wanted);
+            lanes &= ~alike | 1u << lane;
+            continue;
+        }
+#endif
         Num t = LANE(hit->t, lane);
         Int slot = LANE(hit->slot, lane);
         Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), -1);
         const Int *shines = hidden >> lane & 1 ? shapes->shines : NULL;
         if (f.has & HAS_STACKS) {
             StackedRay stacked = stacked_ray(shapes, ray, lane, -1);
-            triangles_nearest(&shapes->triangles, &beam, shines, &stacked, &t, &slot);
+            triangles_nearest(&shapes->triangles, &beam, 0, shines, &stacked, &t, &slot);
         } else {
-            triangles_nearest(&shapes->triangles, &beam, shines, NULL, &t, &slot);
+            triangles_nearest(&shapes->triangles, &beam, 0, shines, NULL, &t, &slot);
         }
         LANE(hit->t, lane) = t;
         LANE(hit->slot, lane) = slot;
@@ -423,14 +433,26 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
     beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
     for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
+#if PACKETS
+        Packet packet;
+        unsigned alike =
+            f.has & HAS_STACKS ? 0 : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
+        if (alike) {
+            Real t = ray->tmax;
+            Wanted wanted = {ray->from, target, NULL, 0, &t, NULL};
+            blocked |= lanes_mask(alike & ~packet_passes(&shapes->triangles, &packet, alike, &wanted));
+            lanes &= ~alike | 1u << lane;
+            continue;
+        }
+#endif
         Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), LANE(target, lane));
         Num tmax = LANE(ray->tmax, lane);
         int met;
         if (f.has & HAS_STACKS) {
             StackedRay stacked = stacked_ray(shapes, ray, lane, LANE(target, lane));
-            met = triangles_block(&shapes->triangles, &beam, &stacked, tmax);
+            met = triangles_block(&shapes->triangles, &beam, 0, &stacked, tmax);
         } else {
-            met = triangles_block(&shapes->triangles, &beam, NULL, tmax);
+            met = triangles_block(&shapes->triangles, &beam, 0, NULL, tmax);
         }
         if (met)
             blocked |= one_lane(lane);
@@ -438,22 +460,46 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
     return blocked;
 }
 
-/* What the rays of the active lanes meet first. */
-STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+/* Which of these rays meet what shines: `hit` is what they meet of all but triangles, of which none shines. */
+STAGE Mask light_is_met(const Shapes *shapes, const Ray *ray, Mask active, Hit hit, Features f)
+{
+    Mask missed = hit.slot < 0,
+         lit = gather_index(shapes->shines, index_select(missed, index_of(0), hit.slot)) != 0;
+    lit = and_not(lit, missed) | (f.has & HAS_ANY(SKIES) ? missed : mask_none());
+    Ray before = {ray->o, ray->d, hit.t, ray->from};
+    active &= lit;
+    return and_not(active, triangles_blocked(shapes, &before, active, index_of(-1), f));
+}
+
+/* What the rays of the active lanes meet first. Of those in `last` only light matters: one that meets none may be no
+   longer active. */
+STAGE Hit shapes_hit_or_light(
+    const Shapes *shapes, const Ray *ray, Mask *active, Mask last, Mask hiding, int together, Features f)
 {
     Hit hit;
     if (f.has & HAS_STACKS) {
-        hit = f.has & HAS_TREE ? tree_stacked_hit(shapes, ray, active, hiding, f)
-                               : each_stacked_hit(shapes, ray, active, hiding, f);
+        hit = f.has & HAS_TREE ? tree_stacked_hit(shapes, ray, *active, hiding, f)
+                               : each_stacked_hit(shapes, ray, *active, hiding, f);
     } else if (f.has & HAS_TREE) {
-        hit = tree_hit(shapes, ray, active, hiding, f);
+        hit = tree_hit(shapes, ray, *active, hiding, f);
     } else {
         hit = flat_hit(shapes, ray, hiding, f);
         solid_hit(shapes, ray, hiding, &hit, f);
     }
-    if (f.has & HAS_MESH)
-        triangles_hit(shapes, ray, active, hiding, &hit, f);
+    if (f.has & HAS_MESH) {
+        last &= f.has & (HAS_STACKS | HAS_MESH_LIGHT) ? mask_none() : *active;
+        Mask others = and_not(*active, last);
+        if (any(last))
+            *active = others | light_is_met(shapes, ray, last, hit, f);
+        triangles_hit(shapes, ray, others, hiding, together, &hit, f);
+    }
     return hit;
+}
+
+/* What the rays of the active lanes meet first, of rays that may be alike. */
+STAGE Hit shapes_hit(const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, Features f)
+{
+    return shapes_hit_or_light(shapes, ray, &active, mask_none(), hiding, 1, f);
 }
 
 /* L3 The visibility V: is there anything before tmax? `target` is the slot that the ray's end lies on, -1 for
@@ -462,10 +508,10 @@ STAGE Mask shapes_occluded(const Shapes *shapes, const Ray *ray, Mask active, In
 {
     Mask blocked;
     if (f.has & HAS_STACKS)
-        blocked = f.has & HAS_TREE ? tree_stacked_blocks(shapes, ray, active, target)
+        blocked = f.has & HAS_TREE ? tree_stacked_blocks(shapes, ray, active, target, f)
                                    : each_stacked_blocks(shapes, ray, target);
     else
-        blocked = f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target)
+        blocked = f.has & HAS_TREE ? tree_blocks(shapes, ray, active, target, f)
                                    : each_blocks(shapes, ray, target, f);
     if (f.has & HAS_MESH)
         blocked |= triangles_blocked(shapes, ray, and_not(active, blocked), target, f);

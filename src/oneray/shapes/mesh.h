@@ -178,22 +178,16 @@ INLINE int triangle_nearer(const StackedRay *stacked, const Beam *beam, Int here
     return *at < t || (*at == t && here < slot);
 }
 
-/* The nearest before *t, or as near and of a lower slot. `shines`, where not NULL, says by row what the ray
+/* The nearest below `root` before *t, or as near and of a lower slot. `shines`, where not NULL, says by row what the ray
    passes by; `stacked`, where not NULL, knows of surfaces in one place. */
-INLINE void triangles_nearest(
-    const Triangles *triangles, const Beam *beam, const Int *shines, const StackedRay *stacked, Num *t, Int *slot)
+APART void triangles_nearest(const Triangles *triangles, const Beam *beam, int32_t root, const Int *shines,
+    const StackedRay *stacked, Num *t, Int *slot)
 {
-    Pending pending[PENDING_MOST];
-    pending[0] = (Pending){0, 0};
-    for (int count = 1; count > 0;) {
-        Pending next = pending[--count];
-        if (next.near > *t * (1 + 8 * ROUNDING))
-            continue;
-        if (next.child >= 0) {
-            add_children(&triangles->tree.nodes[next.child], beam, (float)*t, pending, &count);
-            continue;
-        }
-        const TriangleLeaf *leaf = &triangles->leaves[-2 - next.child];
+    const Slabs slabs = slabs_of(beam);
+    Pending pending;
+    start_below(&pending, root);
+    for (int n; (n = next_leaf(triangles->tree.nodes, &slabs, *t, 1, &pending)) >= 0;) {
+        const TriangleLeaf *leaf = &triangles->leaves[n];
         Num at[8];
         for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
             int k = lowest_lane(bits), here = leaf->slot[k];
@@ -218,18 +212,15 @@ INLINE int triangle_between(const StackedRay *stacked, const Beam *beam, Int her
            && (to_end ? slot_before(stacked, here, stacked->end) : at < t || from_start);
 }
 
-/* L3 Is any in the way before t, one that is neither where the ray starts nor where it ends? */
-INLINE int triangles_block(const Triangles *triangles, const Beam *beam, const StackedRay *stacked, Num t)
+/* L3 Is any below `root` in the way before t, one that is neither where the ray starts nor where it ends? */
+APART int triangles_block(
+    const Triangles *triangles, const Beam *beam, int32_t root, const StackedRay *stacked, Num t)
 {
-    Pending pending[PENDING_MOST];
-    pending[0] = (Pending){0, 0};
-    for (int count = 1; count > 0;) {
-        int child = pending[--count].child;
-        if (child >= 0) {
-            add_children(&triangles->tree.nodes[child], beam, (float)t, pending, &count);
-            continue;
-        }
-        const TriangleLeaf *leaf = &triangles->leaves[-2 - child];
+    const Slabs slabs = slabs_of(beam);
+    Pending pending;
+    start_below(&pending, root);
+    for (int n; (n = next_leaf(triangles->tree.nodes, &slabs, t, 0, &pending)) >= 0;) {
+        const TriangleLeaf *leaf = &triangles->leaves[n];
         Num at[8];
         for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
             int k = lowest_lane(bits);
@@ -238,6 +229,20 @@ INLINE int triangles_block(const Triangles *triangles, const Beam *beam, const S
         }
     }
     return 0;
+}
+
+/* The least and largest coordinates of each triangle's corners along an axis, less the tree's center. */
+INLINE void corner_range(const TriangleLeaf *leaf, int axis, Num center, float low[8], float high[8])
+{
+    for (int part = 0; part < 8; part += PIECE) {
+        Piece corner[3];
+        UNROLLED for (int c = 0; c < 3; c++)
+            memcpy(&corner[c], leaf->corner[c][axis] + part, sizeof corner[c]);
+        Piece least = PIECE_MIN(PIECE_MIN(corner[0], corner[1]), corner[2]) - PIECE_OF(center);
+        Piece most = PIECE_MAX(PIECE_MAX(corner[0], corner[1]), corner[2]) - PIECE_OF(center);
+        for (int k = 0; k < PIECE; k++)
+            low[part + k] = (float)least[k], high[part + k] = (float)most[k];
+    }
 }
 
 INLINE Real largest(Vec a) { return real_max(real_max(real_abs(a.x), real_abs(a.y)), real_abs(a.z)); }

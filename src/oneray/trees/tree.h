@@ -54,7 +54,10 @@ typedef int32_t BoxMask __attribute__((vector_size(4 * BOXES)));
 #define MASK_SELECT(m, a, b) (((m) & (a)) | (~(m) & (b)))
 #define PIECE_SELECT(m, a, b) ((Piece)MASK_SELECT(m, (PieceMask)(a), (PieceMask)(b)))
 #define BOX_SELECT(m, a, b) ((BoxPiece)MASK_SELECT(m, (BoxMask)(a), (BoxMask)(b)))
-#if PIECE_BYTES == 32
+#if PIECE_BYTES == 64
+#define PIECE_MAX(a, b) ((Piece)INTRINSIC(_mm512, max)(a, b))
+#define PIECE_MIN(a, b) ((Piece)INTRINSIC(_mm512, min)(a, b))
+#elif PIECE_BYTES == 32
 #define PIECE_MAX(a, b) ((Piece)INTRINSIC(_mm256, max)(a, b))
 #define PIECE_MIN(a, b) ((Piece)INTRINSIC(_mm256, min)(a, b))
 #else
@@ -100,10 +103,14 @@ INLINE unsigned box_bits(const BoxMask *m)
 #endif
 }
 
-/* Boxes are in single precision in every kernel, and made larger to suit. */
+/* Boxes are in single precision in every kernel, and made larger to suit. order[i] are the children, the farthest first,
+   as rays meet them that go forwards along z, backwards along x where i is odd, and along y where it is 2 or more; the
+   opposite rays take the same order from its other end. */
+enum { ORDERS = 4 };
 typedef struct {
     float plane[6][BVH_WIDTH]; /* low x, y, z, high x, y, z */
     BvhNode where;
+    uint8_t order[ORDERS][BVH_WIDTH];
 } TreeNode;
 
 typedef struct {
@@ -133,6 +140,7 @@ typedef struct {
 #define BEAM(beam, what) ((beam)->all->what[(beam)->lane])
 
 #define ROUNDING 1.2e-7F
+#define INVERSE_MOST 1e18
 #ifdef SINGLE
 #define NUM_ROUNDING ROUNDING
 #else
@@ -147,14 +155,21 @@ INLINE Real along_axis(Mask is_x, Mask is_y, Real x, Real y, Real z)
 
 INLINE void floats_of(float to[LANES], Real a)
 {
+#ifdef SINGLE
+    memcpy(to, &a, sizeof a);
+#else
     for (int lane = 0; lane < LANES; lane++)
         to[lane] = (float)LANE(a, lane);
+#endif
 }
 
 /* Boxes are missed for certain only beyond the rounding of themselves, of the box test and of what is
    inside: errors of a few units in the last place of the largest distance, and of the coordinates
-   (Ize, Robust BVH Ray Traversal, JCGT 2(2), 2013; Woop et al. 2013, 3.3). Where floats may have no such last
-   place, nan lets every box be met. */
+   (Ize, Robust BVH Ray Traversal, JCGT 2(2), 2013; Woop et al. 2013, 3.3). Of plane·(1/d) - o·(1/d) each product is
+   rounded, or one of them: as if the plane or o were at most half a unit in the last place of `reach` elsewhere, twice;
+   what else is rounded are factors of the distance, which MARGIN has room for. 1/d is bounded, so that along an axis
+   across the ray the products are numbers, and o in between the planes is: on its way to t <= 4 reach a ray that this
+   turns is 1e-17 reach aside. Where floats may have no such last place, nan lets every box be met. */
 STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *d)
 {
     const Real from[3] = {o->x, o->y, o->z}, along[3] = {d->x, d->y, d->z};
@@ -165,13 +180,13 @@ STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *
         reach = real_max(real_abs(to_ray[i]) + real(tree->extent[i]), reach);
         size = real_max(real_abs(from[i]), size);
     }
-    Real slack = real(16 * ROUNDING) * reach + real(16 * NUM_ROUNDING) * (reach + size);
+    Real slack = real(18 * ROUNDING) * reach + real(16 * NUM_ROUNDING) * (reach + size);
     slack = select((reach > real(1e-30)) & (reach < real(1e30)), slack, real(NAN));
     UNROLLED for (int i = 0; i < 3; i++)
     {
         inverse[i] = real(1) / along[i];
         Real aside = flip_sign(slack, inverse[i]), nearer = to_ray[i] + aside, farther = to_ray[i] - aside;
-        floats_of(beams->inverse[i], inverse[i]);
+        floats_of(beams->inverse[i], real_max(real_min(inverse[i], real(INVERSE_MOST)), real(-INVERSE_MOST)));
         floats_of(beams->near_o[i], nearer);
         floats_of(beams->far_o[i], farther);
         beams->backwards[i] = mask_bits(inverse[i] < real(0));
@@ -205,54 +220,161 @@ INLINE Beam beam_of(const Beams *beams, int lane, Int from, Int target)
     return beam;
 }
 
-/* What is still to be looked at, the last first. */
+/* One ray as boxes see it, its numbers once for each box. A plane is met at plane·inverse - near or, with a margin for
+   rounding, plane·wider - far. */
 typedef struct {
-    float near;
-    int32_t child;
-} Pending;
+    BoxPiece inverse[3], near[3], wider[3], far[3];
+    int near_plane[3], far_plane[3]; /* which planes of a node are met first and last */
+    int order, turned; /* which of a node's orders, and from which end */
+} Slabs;
 
-enum { PENDING_MOST = BVH_DEPTH * (BVH_WIDTH - 1) + BVH_WIDTH };
+#define MARGIN (1 + 8 * ROUNDING)
 
-/* Which of the node's boxes the ray meets before tmax, and where it enters them. Comparisons that a nan (0
-   times infinity) fails keep what there was. */
-STAGE unsigned boxes_met(const TreeNode *node, const Beam *beam, float tmax, float distance[8])
+INLINE Slabs slabs_of(const Beam *beam)
 {
-    unsigned bits = 0;
-    for (int part = 0; part < 8; part += BOXES) {
-        BoxPiece near = {0}, far = BOX_OF(tmax);
-        UNROLLED for (int i = 0; i < 3; i++)
-        {
-            BoxPiece enter, leave, inverse = BOX_OF(BEAM(beam, inverse[i]));
-            memcpy(&enter, node->plane[beam->near[i]] + part, sizeof enter);
-            memcpy(&leave, node->plane[beam->far[i]] + part, sizeof leave);
-            enter = (enter - BOX_OF(BEAM(beam, near_o[i]))) * inverse;
-            leave = (leave - BOX_OF(BEAM(beam, far_o[i]))) * inverse;
-            near = BOX_MAX(enter, near);
-            far = BOX_MIN(leave, far);
-        }
-        BoxMask met = near <= far * (1 + 8 * ROUNDING);
-#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
-        met = ~(BoxMask){0};
-        near = (BoxPiece){0};
-#endif
-        memcpy(distance + part, &near, sizeof near);
-        bits |= box_bits(&met) << part;
+    Slabs s = {.order = 0};
+    UNROLLED for (int i = 0; i < 3; i++)
+    {
+        float inverse = BEAM(beam, inverse[i]), wider = inverse * MARGIN;
+        s.near_plane[i] = beam->near[i];
+        s.far_plane[i] = beam->far[i];
+        s.inverse[i] = BOX_OF(inverse);
+        s.near[i] = BOX_OF(BEAM(beam, near_o[i]) * inverse);
+        s.wider[i] = BOX_OF(wider);
+        s.far[i] = BOX_OF(BEAM(beam, far_o[i]) * wider);
+        s.order |= (beam->near[i] >= 3) << i;
     }
-    return bits;
+    s.turned = s.order >= ORDERS;
+    s.order = s.turned ? 2 * ORDERS - 1 - s.order : s.order;
+    return s;
 }
 
-/* Puts down the children that the ray meets before tmax, the nearest last. */
-INLINE void add_children(const TreeNode *node, const Beam *beam, float tmax, Pending *pending, int *count)
+/* a·b - c, in one rounding where that is one instruction: boxes are wide enough for either. */
+#if BOXES == 8 && defined(__FMA__)
+#define BOX_FMSUB(a, b, c) ((BoxPiece)_mm256_fmsub_ps(a, b, c))
+#else
+#define BOX_FMSUB(a, b, c) ((a) * (b) - (c))
+#endif
+
+/* Where the ray comes into the node's boxes from number `part` on and leaves them, between 0 and `limit`: it meets
+   those where near <= far. Numbers that are nan count for nothing. */
+INLINE void box_range(
+    const TreeNode *node, const Slabs *s, float limit, int part, BoxPiece *near, BoxPiece *far)
 {
-    float distance[8];
-    int first = *count;
-    for (unsigned bits = boxes_met(node, beam, tmax, distance); bits; bits &= bits - 1) {
-        int k = lowest_lane(bits), at = *count;
+    *near = (BoxPiece){0};
+    *far = BOX_OF(limit);
+    UNROLLED for (int i = 0; i < 3; i++)
+    {
+        BoxPiece first, last;
+        memcpy(&first, node->plane[s->near_plane[i]] + part, sizeof first);
+        memcpy(&last, node->plane[s->far_plane[i]] + part, sizeof last);
+        *near = BOX_MAX(BOX_FMSUB(first, s->inverse[i], s->near[i]), *near);
+        *far = BOX_MIN(BOX_FMSUB(last, s->wider[i], s->far[i]), *far);
+    }
+#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
+    *far = *near = (BoxPiece){0};
+#endif
+}
+
+/* What is still to be looked at, the last first, and how far away it begins. */
+enum { PENDING_MOST = BVH_DEPTH * (BVH_WIDTH - 1) + 2 * BVH_WIDTH };
+typedef struct {
+    int count;
+    float near[PENDING_MOST];
+    int32_t child[PENDING_MOST];
+} Pending;
+
+/* At node 0, the root, or below. */
+INLINE void start_below(Pending *pending, int32_t child)
+{
+    pending->count = 1;
+    pending->near[0] = 0;
+    pending->child[0] = child;
+}
+
+#if BOXES == 8 && !defined(__AVX512VL__)
+/* By a mask of eight, the numbers of those in it, a byte each. */
+#define BELOW(m, k) __builtin_popcount((m) & ((1 << (k)) - 1))
+#define PLACED(m, k) ((uint64_t)((m) >> (k) & 1) * (k) << 8 * (BELOW(m, k) & 7))
+#define SQUEEZE(m) PLACED(m, 1) | PLACED(m, 2) | PLACED(m, 3) | PLACED(m, 4) | PLACED(m, 5) | PLACED(m, 6) | PLACED(m, 7)
+#define SQUEEZE_4(m) SQUEEZE(m), SQUEEZE((m) + 1), SQUEEZE((m) + 2), SQUEEZE((m) + 3)
+#define SQUEEZE_16(m) SQUEEZE_4(m), SQUEEZE_4((m) + 4), SQUEEZE_4((m) + 8), SQUEEZE_4((m) + 12)
+#define SQUEEZE_64(m) SQUEEZE_16(m), SQUEEZE_16((m) + 16), SQUEEZE_16((m) + 32), SQUEEZE_16((m) + 48)
+static const uint64_t squeezed[256] = {SQUEEZE_64(0), SQUEEZE_64(64), SQUEEZE_64(128), SQUEEZE_64(192)};
+#endif
+
+/* Puts down the children that the ray meets before `limit`, if ordered the nearest last. */
+INLINE void put_children(const TreeNode *node, const Slabs *s, float limit, int ordered, Pending *pending)
+{
+    int count = pending->count;
+#if BOXES == 8
+    BoxPiece near, far;
+    box_range(node, s, limit, 0, &near, &far);
+    __m256i child = _mm256_loadu_si256((const __m256i *)node->where.child);
+    if (ordered) {
+        const __m256i turn = _mm256_set1_epi32(s->turned ? 7 : 0),
+                      ahead = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+        __m256i order = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)node->order[s->order]));
+        order = _mm256_permutevar8x32_epi32(order, _mm256_xor_si256(ahead, turn));
+        child = _mm256_permutevar8x32_epi32(child, order);
+        near = (BoxPiece)_mm256_permutevar8x32_ps(near, order);
+        far = (BoxPiece)_mm256_permutevar8x32_ps(far, order);
+    }
+#ifdef __AVX512VL__
+    __mmask8 some = _mm256_cmpneq_epi32_mask(child, _mm256_set1_epi32(-1));
+    __mmask8 met = _mm256_mask_cmp_ps_mask(some, near, far, _CMP_LE_OQ);
+    child = _mm256_maskz_compress_epi32(met, child);
+    near = (BoxPiece)_mm256_maskz_compress_ps(met, near);
+#else
+    __m256i none = _mm256_cmpeq_epi32(child, _mm256_set1_epi32(-1));
+    unsigned met = (unsigned)_mm256_movemask_ps(
+        _mm256_andnot_ps(_mm256_castsi256_ps(none), _mm256_cmp_ps(near, far, _CMP_LE_OQ)));
+    __m256i squeeze = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&squeezed[met]));
+    child = _mm256_permutevar8x32_epi32(child, squeeze);
+    near = (BoxPiece)_mm256_permutevar8x32_ps(near, squeeze);
+#endif
+    _mm256_storeu_si256((__m256i *)(pending->child + count), child);
+    if (ordered)
+        memcpy(pending->near + count, &near, sizeof near);
+    count += __builtin_popcount(met);
+#else
+    unsigned met = 0;
+    float distance[BVH_WIDTH];
+    for (int part = 0; part < BVH_WIDTH; part += BOXES) {
+        BoxPiece near, far;
+        box_range(node, s, limit, part, &near, &far);
+        BoxMask in = near <= far;
+        met |= box_bits(&in) << part;
+        memcpy(distance + part, &near, sizeof near);
+    }
+    for (; met; met &= met - 1) {
+        int k = lowest_lane(met), at = count;
         if (node->where.child[k] == -1)
             continue;
-        for (; at > first && pending[at - 1].near < distance[k]; at--)
-            pending[at] = pending[at - 1];
-        pending[at] = (Pending){distance[k], node->where.child[k]};
-        ++*count;
+        for (; ordered && at > pending->count && pending->near[at - 1] < distance[k]; at--) {
+            pending->near[at] = pending->near[at - 1];
+            pending->child[at] = pending->child[at - 1];
+        }
+        pending->near[at] = distance[k];
+        pending->child[at] = node->where.child[k];
+        count++;
     }
+#endif
+    pending->count = count;
+}
+
+/* The one way through a tree: the next leaf that the ray may meet before t, if ordered about the nearest first; -1, there
+   is none. */
+INLINE int next_leaf(const TreeNode *nodes, const Slabs *s, Num t, int ordered, Pending *pending)
+{
+    const float limit = (float)t * MARGIN;
+    while (pending->count > 0) {
+        int child = pending->child[--pending->count];
+        if (ordered && pending->near[pending->count] > limit)
+            continue;
+        if (child < 0)
+            return -2 - child;
+        put_children(&nodes[child], s, limit, ordered, pending);
+    }
+    return -1;
 }
