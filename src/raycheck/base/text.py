@@ -108,6 +108,12 @@ def one_line(text: str) -> str:
     return re.sub(control, lambda found: repr(found[0])[1:-1], text)
 
 
+def shown(value: object, most: int = 80) -> str:
+    """A value that somebody wrote, as a sentence shows it: not longer than that."""
+    text = repr(value)
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
 def last_words(said: str) -> str:
     """The last three lines of what a program said, as the end of a sentence; empty if it said nothing."""
     lines = [line.strip()[:300] for line in said.splitlines() if line.strip()]

@@ -8,7 +8,6 @@ import functools
 import hashlib
 import os
 import re
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,9 @@ from raycheck.base.errors import Lost, NotFound
 from raycheck.base.files import write_whole as write_whole
 from raycheck.grading import assignment_bundle, one_submission, submission
 from raycheck.grading.assignment import PICTURES, Assignment
-from raycheck.grading.jail.sandbox import GRADING, Tier
+from raycheck.grading.jail import folders
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.sandbox import GRADING, Jail, Tier
 from raycheck.grading.judge import Grader, make_picture_references
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
@@ -148,9 +149,10 @@ def _kept(grader: Grader, entry: Entry, out: Path) -> StudentResult | None:
     if result is None:
         return None
     try:
-        with tempfile.TemporaryDirectory(prefix="raycheck-") as place:
-            submission.open_submission(content(entry.path), Path(place))
-            digest = digest_of(Path(place))
+        with folders.temporary("raycheck-kept-") as place:
+            (unpacked := place / "submission").mkdir()
+            submission.open_submission(content(entry.path), unpacked, Jail(Tier.NONE, Limits()).user)
+            digest = digest_of(unpacked)
     except (OSError, SubmissionError):
         return None
     tiers = [grader.tier] if grader.tier else [tier for tier in Tier if tier is not Tier.NONE]

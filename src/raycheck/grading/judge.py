@@ -8,7 +8,6 @@ picture, a wrong size, seeds that change nothing) counts at once.
 
 import hashlib
 import math
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -25,12 +24,13 @@ from raycheck.base.seeds import make_seeds
 from raycheck.grading import handed_in, noise, points, speed
 from raycheck.grading.assignment import PICTURES, Assignment, Task
 from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant, with_reference
+from raycheck.grading.jail import folders
 from raycheck.grading.jail.pixels import Decoder
 from raycheck.grading.jail.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
 from raycheck.grading.program import OVER, Program, Tried, build, write_scene
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
-from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
+from raycheck.grading.submission import Submission, SubmissionError, open_submission
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task as ToJudge
 from raycheck.judging.cases import Case
@@ -109,20 +109,18 @@ class Grader:
         """Everything about one submission; never raises for what a submission does."""
         started = time.perf_counter()
         jail = Jail(self.tier or best_tier(), self.assignment.limits, slot, started + self.seconds)
-        with tempfile.TemporaryDirectory(prefix="raycheck-grade-", ignore_cleanup_errors=True) as place:
-            Path(place).chmod(0o711)
+        with folders.temporary("raycheck-grade-") as place:
             try:
-                result = self._grade(path, student, jail, Path(place))
+                result = self._grade(path, student, jail, place)
             except SubmissionError as error:
                 result = failed_everything(self.assignment, student, str(error), jail.describe())
-            remove(Path(place) / "submission")
         result.seconds = round(time.perf_counter() - started, 1)
         return result
 
     def _grade(self, path: Path, student: str, jail: Jail, place: Path) -> StudentResult:
         unpacked = place / "submission"
         unpacked.mkdir(mode=0o755)
-        submission = open_submission(path, unpacked)
+        submission = open_submission(path, unpacked, jail.user)
         digest = digest_of(unpacked)
         command = "" if submission.pictures_alone else submission.manifest.command or self.assignment.run
         if not command and not submission.pictures_alone:
@@ -133,7 +131,7 @@ class Grader:
         if problem:
             result = failed_everything(self.assignment, student, problem, jail.describe())
         else:
-            with Decoder() as decoder:
+            with Decoder(jail.user) as decoder:
                 scenes = sum(map(len, self.scenes.values()))
                 attempt = Attempt(student, submission, command, digest, jail, place, decoder, scenes)
                 tasks = [

@@ -1,7 +1,6 @@
 """A submission's program as a renderer: every picture from a jail of its own."""
 
 import shutil
-import tempfile
 import threading
 import time
 from collections import Counter
@@ -13,6 +12,7 @@ from raycheck.base.arrays import Array
 from raycheck.base.errors import CannotRender, NotFound, RenderError, RenderLate, RenderTimeout
 from raycheck.base.processes import windows_lines
 from raycheck.base.text import last_words
+from raycheck.grading.jail import folders
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail
@@ -170,9 +170,8 @@ class Program(Taken, TakesPlaceholders):
             "{name}": self.name, "{task}": self.task, "{spp}": str(spp), "{seed}": str(seed),
         }  # fmt: skip
         words = self.filled(values)
-        with tempfile.TemporaryDirectory(dir=self.scratch, ignore_cleanup_errors=True) as place:
-            output, private = Path(place) / "out", Path(place) / "private"
-            Path(place).chmod(0o711)
+        with folders.temporary("picture-", self.scratch) as place:
+            output, private = place / "out", place / "private"
             output.mkdir()
             private.mkdir(mode=0o700)
             started = time.perf_counter()

@@ -5,7 +5,6 @@ points for speed are the only ones that a regrade may change, and an interval sa
 """
 
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
+from raycheck.grading.jail import folders
 from raycheck.grading.program import Program
 from raycheck.renderers.bundle import bundle_oneray
 from raycheck.scene.techniques import technique
@@ -66,9 +66,8 @@ def ratio_of(pairs: Sequence[tuple[float, float]], name: str) -> Speed:
 def _oneray_seconds(program: Program, folder: Path, spp: int, seed: int, name: str) -> float | None:
     words = ["/submission/oneray", "/task/scene.xml", "-o", "/out/image.exr", "--quiet"]
     words += ["--spp", str(spp), "--seed", str(seed), *technique(name).options]
-    with tempfile.TemporaryDirectory(dir=program.scratch, ignore_cleanup_errors=True) as place:
-        Path(place).chmod(0o711)
-        output = Path(place) / "out"
+    with folders.temporary("oneray-", program.scratch) as place:
+        output = place / "out"
         output.mkdir()
         done = program.jail.run(
             words, seconds=program.limits.picture_seconds, folder=folder, writable=False,

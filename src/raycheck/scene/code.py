@@ -232,10 +232,7 @@ def text(data: Mapping[str, Any]) -> str:
         f"image: {camera['width']} × {camera['height']}, box filter; directions to its outer corners, to be "
         "interpolated and then normalised:",
     ]
-    lines += [
-        f"  {name.replace('_', ' '):13}{_words(camera[name])}"
-        for name in ("origin", *_CORNERS)
-    ]
+    lines += [f"  {name.replace('_', ' '):13}{_words(camera[name])}" for name in ("origin", *_CORNERS)]
     clips = " to ".join(_words(camera[name]) for name in ("near_clip", "far_clip"))
     lines.append(f"the camera sees what is {clips} deep along the view")
     lines += ["the camera does not see shapes that shine, nor the sky"] if data["hide_emitters"] else []

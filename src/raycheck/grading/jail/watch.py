@@ -20,7 +20,7 @@ from raycheck.base.errors import NotFound
 from raycheck.base.processes import end, signal_name, tree
 from raycheck.base.statuses import Status
 from raycheck.base.text import last_words, refusal
-from raycheck.grading.jail import confine
+from raycheck.grading.jail import confine, folders
 from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
 from raycheck.renderers.commands import unexplained
@@ -73,7 +73,24 @@ class Size:
 
     folder: Path
     most_bytes: int
-    most_files: int
+    most_entries: int
+    """Files and folders."""
+
+    @property
+    def problem(self) -> str:
+        """How it holds more than it may, in a sentence without its end; empty if it does not."""
+        total = count = 0
+        try:
+            for found in folders.walk(self.folder):
+                count += 1
+                total += max(found.status.st_blocks * 512, found.status.st_size)
+                if count > self.most_entries:
+                    return f"more than {self.most_entries} files and folders written, which is the limit"
+                if total > self.most_bytes:
+                    return f"more than {self.most_bytes >> 20} MB written, which is the limit"
+        except folders.TooDeep as error:
+            return str(error)
+        return ""
 
 
 @dataclass(frozen=True)
@@ -90,6 +107,11 @@ class Bounds:
     def doors(self) -> list[str]:
         """Files by which a process joins the group."""
         return self.group.doors if self.group else []
+
+    @property
+    def overfull(self) -> str:
+        """How a folder holds more than it may; empty if none does."""
+        return next((problem for size in self.sizes if (problem := size.problem)), "")
 
     @property
     def swollen(self) -> str:
@@ -133,6 +155,7 @@ def watch(start: Callable[[int], Process], bounds: Bounds, jail: str = "") -> Fi
     if jail and not told:
         last = " ".join(_text(said).split()) or "it said nothing"
         raise NotFound(f"the sandbox {jail} cannot be made: {last}")
+    killed = killed or bounds.overfull  # it may have ended between two looks
     late = bool(killed) and spent >= bounds.seconds
     if not killed and process.returncode and bounds.group and bounds.group.swelled:
         killed = bounds.swollen
@@ -196,8 +219,7 @@ def _wait(process: Process, bounds: Bounds, started: float) -> str:
         elif _memory(process.pid) > bounds.memory_mb << 20:
             reason = bounds.swollen
         else:
-            full = next((s for s in bounds.sizes if _written(s) > s.most_bytes), None)
-            reason = f"more than {full.most_bytes >> 20} MB written, which is the limit" if full else ""
+            reason = bounds.overfull
         if reason:
             _kill(process)
             return reason
@@ -234,17 +256,4 @@ def _memory(root: int) -> int:
     for pid in tree(root):
         with contextlib.suppress(OSError, ValueError, IndexError):
             total += int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * page
-    return total
-
-
-def _written(size: Size) -> int:
-    """Bytes on disk below a folder; more than can be if it holds too many files."""
-    total = count = 0
-    for where, _, names in os.walk(size.folder):
-        for name in names:
-            count += 1
-            if count > size.most_files:
-                return 1 << 62
-            with contextlib.suppress(OSError):
-                total += os.lstat(Path(where) / name).st_blocks * 512
     return total

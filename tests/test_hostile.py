@@ -1,0 +1,184 @@
+"""What one student hands in, or leaves behind, may cost its own points and nothing else."""
+
+import gzip
+import os
+import resource
+import tarfile
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from gradings import need, written
+from typer.testing import CliRunner
+
+from raycheck.commands.app import app
+from raycheck.grading import submission
+from raycheck.grading.jail import folders
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.sandbox import Jail, Tier
+from raycheck.grading.submission import Handed, SubmissionError, may_have_pictures, open_submission
+
+TASKS = """\
+name = "small"
+delta = 0.05
+[[task]]
+id = "L1"
+scenes = ["point-light"]
+points = 4
+spp = 4
+"""
+DEEP = 1700
+"""Folders in folders: more than Python's calls may be nested."""
+
+
+def deep(folder: Path, depth: int = DEEP) -> Path:
+    """Make folders within a folder whose path is longer than any path may be."""
+    at = os.open(folder, os.O_RDONLY)
+    for _ in range(depth):
+        os.mkdir("folder", dir_fd=at)
+        inner = os.open("folder", os.O_RDONLY, dir_fd=at)
+        os.close(at)
+        at = inner
+    os.close(at)
+    return folder
+
+
+def test_folders_of_any_depth_are_removed_and_looked_into(place) -> None:
+    filled = deep(place)
+    written(filled / "file", "x")
+    (filled / "link").symlink_to("/etc")
+    with pytest.raises(folders.TooDeep):
+        list(folders.walk(filled))
+    with folders.temporary("raycheck-test-", place) as inner:
+        deep(inner)
+        (inner / "closed").mkdir(mode=0)
+    assert not inner.exists()
+    inside = deep(place / "folder", 0)
+    folders.remove(inside)
+    assert not inside.exists() and Path("/etc/passwd").is_file() and (filled / "file").is_file()
+
+
+@pytest.fixture
+def place() -> Iterator[Path]:
+    """A folder that is removed however deep it is, which pytest's own cannot be."""
+    with folders.temporary("raycheck-test-") as made:
+        yield made
+
+
+def hostile_archives(folder: Path) -> dict[Path, str]:
+    """Small archives that cost much to open, and what is said of them."""
+    with zipfile.ZipFile(folder / "deep.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a/" * DEEP + "file", "x")
+    with zipfile.ZipFile(folder / "folders.zip", "w") as archive:
+        for number in range(submission.MOST_ENTRIES + 1):
+            archive.writestr(f"{number}/", "")
+    with zipfile.ZipFile(folder / "wide.zip", "w") as archive:
+        for number in range(300):
+            archive.writestr("/".join(f"{number}-{level}" for level in range(30)) + "/file", "")
+    with zipfile.ZipFile(folder / "name.zip", "w") as archive:
+        archive.writestr("é" * 150, "x")
+    with tarfile.open(folder / "dirs.tar.gz", "w:gz") as archive:
+        for number in range(submission.MOST_ENTRIES + 1):
+            entry = tarfile.TarInfo(f"{number}")
+            entry.type = tarfile.DIRTYPE
+            archive.addfile(entry)
+    header = tarfile.TarInfo("x")
+    header.type, header.size = tarfile.XHDTYPE, 7 << 30
+    start, zeros = (gzip.compress(data, 1) for data in (header.tobuf(tarfile.PAX_FORMAT), bytes(64 << 20)))
+    (folder / "header.tar.gz").write_bytes(start + 24 * zeros)
+    long = tarfile.TarInfo("x")
+    long.type, long.size = tarfile.GNUTYPE_LONGNAME, 2
+    with tarfile.open(folder / "names.tar", "w") as archive:
+        for _ in range(5000):
+            archive.fileobj.write(long.tobuf(tarfile.GNU_FORMAT) + b"x".ljust(512, b"\0"))
+    many = f"more than {submission.MOST_ENTRIES} files and folders"
+    return {
+        folder / "deep.zip": "nested more than", folder / "folders.zip": many, folder / "wide.zip": many,
+        folder / "name.zip": "longer than", folder / "dirs.tar.gz": many,
+        folder / "header.tar.gz": "takes too much",
+        folder / "names.tar": "cannot be unpacked",
+    }  # fmt: skip
+
+
+def test_what_an_archive_costs_is_limited(tmp_path) -> None:
+    for path, words in hostile_archives(tmp_path).items():
+        (into := tmp_path / f"{path.name}-into").mkdir()
+        started = time.perf_counter()
+        with pytest.raises(SubmissionError, match=words):
+            open_submission(path, into)
+        folders.remove(into)
+        assert time.perf_counter() - started < 60
+        assert may_have_pictures(path, "L1") in (True, False)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 2 << 20, "of memory, in kB"
+
+
+def test_a_folder_that_is_handed_in_is_as_limited_as_an_archive(place) -> None:
+    (handed := place / "handed").mkdir()
+    deep(handed)
+    (into := place / "into").mkdir()
+    with pytest.raises(SubmissionError, match="nested more than"):
+        open_submission(handed, into)
+    assert isinstance(found := submission.pack(handed), Handed) and "nested more than" in found.problem
+    assert may_have_pictures(handed, "L1") in (True, False)
+
+
+MANIFESTS = {
+    "nested": "command = " + "[" * 5000,
+    "tables": "needs" + ".a" * 5000 + " = 1",
+    "whole number": f"command = {'1' * 4400}",
+    "hexadecimal": f"[limits]\njobs = -0x{'f' * 5000}",
+    "wrong": f"command = 0x{'f' * 5000}",
+    "long": 'command = "' + "x" * (1 << 20) + '"',
+    "key": f'"{"k" * 50_000}" = 1',
+}
+
+
+@pytest.mark.parametrize("text", MANIFESTS.values(), ids=MANIFESTS)
+def test_a_hostile_manifest_is_a_sentence(tmp_path, text: str) -> None:
+    (handed := tmp_path / "handed").mkdir()
+    written(handed / "raycheck.toml", text)
+    (into := tmp_path / "into").mkdir()
+    with pytest.raises(SubmissionError, match=r"raycheck\.toml") as caught:
+        open_submission(handed, into)
+    assert len(str(caught.value)) < 1000
+
+
+def test_a_class_with_hostile_submissions_is_graded_to_its_end_twice(place) -> None:
+    (place / "class").mkdir()
+    for number, text in enumerate(MANIFESTS.values()):
+        (place / f"class/manifest-{number}").mkdir()
+        written(place / f"class/manifest-{number}/raycheck.toml", text)
+    (place / "class/nested").mkdir()
+    deep(place / "class/nested")
+    hostile_archives(place / "class")
+    words = ["grade", "--assignment", str(written(place / "a.toml", TASKS)), "--no-sandbox", "--jobs", "2"]
+    words += ["--class", str(place / "class"), "--out", str(place / "out")]
+    for _ in range(2):
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, done.output
+    rows = (place / "out/grades.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 1 + len(list((place / "class").iterdir()))
+    assert not [row for row in rows if "the grader failed" in row]
+
+
+TIERS = [tier for tier in Tier if tier is not Tier.NONE]
+NEST = 'python3 -c \'import os\nfor i in range(1500): os.mkdir("a"); os.chdir("a")\''
+
+
+@pytest.mark.parametrize("tier", TIERS)
+@pytest.mark.parametrize("where", ["build", "out"])
+def test_nested_folders_end_the_program_that_made_them(tmp_path, tier: Tier, where: str) -> None:
+    need(tier)
+    with folders.temporary("raycheck-test-") as place:
+        (folder := place / "submission").mkdir()
+        (output := place / "out").mkdir()
+        jail = Jail(tier, Limits())
+        script = NEST if where == "build" else f"cd /out && {NEST}"
+        done = jail.run(
+            ["/bin/sh", "-c", script.replace("/out", str(output)) if tier is not Tier.BUBBLEWRAP else script],
+            seconds=20, folder=folder, writable=where == "build", output=output,
+        )  # fmt: skip
+        assert "nested more than" in done.problem
+    assert not place.exists()
