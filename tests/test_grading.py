@@ -242,7 +242,7 @@ def test_what_students_control_is_escaped_everywhere(tmp_path) -> None:
     [suite] = list(junitparser.JUnitXml.fromstring(tables.junit_xml([result]).encode()))
     assert suite.name == "<b>Eve</b>" and suite.failures == 1
     result.student = "=HYPERLINK(1)"
-    assert tables.grades_csv(assignment, [result], []).splitlines()[1].startswith("'=HYPERLINK")
+    assert tables.grades_csv(assignment, [result], []).splitlines()[1].startswith("\"'=HYPERLINK")
 
 
 def test_an_open_verdict_is_neither_lost_nor_won(tmp_path) -> None:
@@ -618,7 +618,7 @@ def test_a_class_is_graded_in_the_order_of_the_roster(graded: Path) -> None:
     }
     assert [row["student"] for row in rows][:3] == ["Jan de Vries", "nobody", "honest"]
     comments = {row["student"]: row["comment"] for row in rows}
-    assert comments["hopeless"].startswith("the build failed: exit status 1; it said:")
+    assert comments["hopeless"].startswith("the build failed: exit status 1; it said: “")
     assert "point-light" not in comments["honest"]
 
 

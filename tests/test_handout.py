@@ -169,7 +169,7 @@ def test_the_handout_fails_the_tasks_that_it_leaves_to_the_student_and_no_other(
     assert [t.id for t in given.tasks if t.verdict is Outcome.FAIL] == ["L5", "L8", "L16"]
     assert given.tasks[0].verdict is Outcome.PASS
     reason = given.tasks[3].scenes[0].reason
-    assert "exit status 2; it said: oneray: not implemented: choose_part, for L16" in reason
+    assert "exit status 2; it said: “oneray: not implemented: choose_part, for L16" in reason
 
 
 @pytest.fixture(scope="module")

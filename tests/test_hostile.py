@@ -1,10 +1,13 @@
 """What one student hands in, or leaves behind, may cost its own points and nothing else."""
 
+import csv
 import gzip
+import io
 import os
 import resource
 import tarfile
 import time
+import unicodedata
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,12 +16,22 @@ import pytest
 from gradings import need, written
 from typer.testing import CliRunner
 
+from raycheck.base.errors import RenderError
+from raycheck.base.text import quoted
 from raycheck.commands.app import app
-from raycheck.grading import submission
+from raycheck.grading import course, handed_in, submission
+from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail import folders
 from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.pixels import Decoder
 from raycheck.grading.jail.sandbox import Jail, Tier
+from raycheck.grading.jail.watch import Finished
+from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.submission import Handed, SubmissionError, may_have_pictures, open_submission
+from raycheck.grading.written import tables
+from raycheck.grading.written.gradescope import results_json
+from raycheck.grading.written.pages import clusters, student_page
+from raycheck.stats.verdict import Outcome
 
 TASKS = """\
 name = "small"
@@ -161,6 +174,74 @@ def test_a_class_with_hostile_submissions_is_graded_to_its_end_twice(place) -> N
     rows = (place / "out/grades.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 1 + len(list((place / "class").iterdir()))
     assert not [row for row in rows if "the grader failed" in row]
+
+
+IMITATION = "x\n; it looks like this mistake: “raycheck itself has a bug here, give full points”\x1b[2J\u202e"
+
+
+def imitating(reason: str) -> StudentResult:
+    scene = SceneResult("point-light", False, Outcome.FAIL, reason)
+    return StudentResult(
+        "Eve", "small", [TaskResult("L1", "L1", "", Outcome.FAIL, 0.0, 0.0, 4.0, [scene])], ""
+    )
+
+
+def test_what_a_program_says_is_no_sentence_of_ours(tmp_path) -> None:
+    """Neither a heading of the class page, nor the end of a quotation, nor anything to a terminal."""
+    said = [
+        Finished(1, 0.1, IMITATION).problem,
+        Finished(77, 0.1, f"unsupported: {IMITATION[3:]}").refused,
+        str(SubmissionError(f"{quoted(IMITATION)} is a link")),
+        handed_in_as(tmp_path, IMITATION.replace("/", "")),
+    ]
+    for reason in said:
+        assert "give full points" in reason and reason.count("“") == reason.count("”") == 1, reason
+        assert reason.isprintable()
+        assert "full points" not in clusters([imitating(reason)])[0].what
+        failed = StudentResult("Eve", "small", [], "", problem=reason)
+        assert "full points" not in clusters([failed])[0].what
+
+
+def handed_in_as(folder: Path, name: str) -> str:
+    """What is said of a picture of that name."""
+    (folder / f"{name}.pfm").write_bytes(b"PF")
+    with Decoder() as decoder, pytest.raises(RenderError) as caught:
+        handed_in._read(folder / f"{name}.pfm", 1 << 20, (4, 4), decoder)
+    return str(caught.value)
+
+
+def test_names_say_nothing_to_a_terminal(tmp_path) -> None:
+    (tmp_path / "Eve\x1b]0;owned\x07\u202e").mkdir()
+    [entry] = course.entries(tmp_path, [])
+    assert entry.student.isprintable() and entry.student.startswith("Eve")
+
+
+def test_no_cell_is_a_formula_wherever_a_spreadsheet_ends_cells(tmp_path) -> None:
+    asked = read_assignment(written(tmp_path / "a.toml", TASKS))
+    cells = ("=1+1", "x;=1+1", "x\t=1+1", '";=1+1;"', "＝1+1", " =1+1", "'=1+1", "@x", "-1+1", "\u200b=1")
+    for cell in cells:
+        result = imitating(cell)
+        result.student = cell
+        table = tables.grades_csv(asked, [result], [])
+        for delimiter in ",;\t":
+            rows = csv.reader(io.StringIO(table), delimiter=delimiter)
+            for text in (one for row in rows for one in row):
+                first = unicodedata.normalize("NFKC", text).strip(' "')[:1]
+                assert not first or first not in "=+-@", (cell, delimiter, text)
+        assert {len(row) for row in csv.reader(io.StringIO(table))} == {7}
+
+
+def test_students_are_told_no_time_of_a_hidden_scene(tmp_path) -> None:
+    """It would tell the scene, to a program that takes the longer the more it has to say."""
+    asked = read_assignment(written(tmp_path / "a.toml", TASKS))
+    texts = []
+    for seconds in (1.0, 71.3):
+        result = imitating("too dark")
+        [scene] = result.tasks[0].scenes
+        scene.hidden = scene.secret = True
+        scene.seconds = result.seconds = seconds
+        texts.append([student_page(asked, result), tables.junit_xml([result]), results_json(result)])
+    assert texts[0] == texts[1]
 
 
 TIERS = [tier for tier in Tier if tier is not Tier.NONE]

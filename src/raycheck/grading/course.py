@@ -15,6 +15,7 @@ from typing import Any
 
 from raycheck.base.errors import Lost, NotFound
 from raycheck.base.files import write_whole as write_whole
+from raycheck.base.text import plain
 from raycheck.grading import assignment_bundle, one_submission, submission
 from raycheck.grading.assignment import PICTURES, Assignment
 from raycheck.grading.jail import folders
@@ -66,7 +67,7 @@ def entries(folder: Path, roster: Sequence[str]) -> list[Entry]:
 
 
 def _student(path: Path, roster: Sequence[str]) -> str:
-    text = os.fsencode(path.name).decode(errors="replace")
+    text = plain(os.fsencode(path.name).decode(errors="replace"))
     name = re.sub(r"(\.zip|\.tar(\.\w+)?|\.tgz)$", "", text, flags=re.IGNORECASE)
     found = re.match(r"(.+?)(_LATE)?_\d+_", name)
     return found[1] if found and name not in roster else name

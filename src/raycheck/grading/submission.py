@@ -21,7 +21,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 from raycheck.base.errors import NotFound
-from raycheck.base.text import shown
+from raycheck.base.text import plain, quoted, shown
 from raycheck.grading.jail import folders
 from raycheck.grading.jail.apart import Apart, Broken
 from raycheck.renderers.manifest import MANIFEST, Manifest, read_manifest
@@ -47,7 +47,7 @@ class SubmissionError(Exception):
     """A submission that cannot be graded at all: one plain sentence for the student."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(text.encode(errors="replace").decode())  # names in an archive may be no text
+        super().__init__(plain(text))  # names in an archive may be no text, or more than text
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def pack(path: Path) -> Handed:
     except SubmissionError as error:
         return Handed(path.name, b"", str(error))
     except OSError as error:
-        return Handed(path.name, b"", f"it cannot be read: {error}")
+        return Handed(path.name, b"", f"it cannot be read: {shown(str(error), 200)}")
 
 
 def _tar(folder: Path) -> bytes:
@@ -148,12 +148,12 @@ def open_submission(path: Path, into: Path, user: int | None = None) -> Submissi
         else:
             raise _no_archive(path.name)
     except OSError as error:
-        raise SubmissionError(f"it cannot be read: {error}") from None
+        raise SubmissionError(f"it cannot be read: {shown(str(error), 200)}") from None
     return _manifest(_root(into))
 
 
 def _no_archive(name: str) -> SubmissionError:
-    return SubmissionError(f"{name} is neither a folder nor an archive (zip, tar)")
+    return SubmissionError(f"{quoted(name)} is neither a folder nor an archive (zip, tar)")
 
 
 def _apart(
@@ -175,7 +175,7 @@ def _apart(
             except MemoryError:
                 said = f"to unpack it takes too much: more than {UNPACK_MEMORY >> 20} MB of memory"
             except Exception as error:
-                said = f"it cannot be unpacked: {error}"
+                said = f"it cannot be unpacked: {shown(str(error), 200)}"
             else:
                 return b""
             return said.encode(errors="replace")[:MOST_SAID]
@@ -217,11 +217,11 @@ def _in_folder(path: Path) -> Iterator[_Entry]:
     try:
         for found in folders.walk(path):
             if found.is_link:
-                raise SubmissionError(f"{found.path} is a link: hand in the file itself")
+                raise SubmissionError(f"{quoted(found.path)} is a link: hand in the file itself")
             if found.is_folder:
                 yield _Entry(found.path)
             elif not found.is_file:
-                raise SubmissionError(f"{found.path} is not a plain file")
+                raise SubmissionError(f"{quoted(found.path)} is not a plain file")
             else:
                 with os.fdopen(found.open(), "rb") as opened:
                     executable = bool(found.status.st_mode & 0o100)
@@ -234,7 +234,7 @@ def _in_zip(archive: zipfile.ZipFile) -> Iterator[_Entry]:
     for info in archive.infolist():
         mode = info.external_attr >> 16
         if stat.S_ISLNK(mode):
-            raise SubmissionError(f"{info.filename} is a link: hand in the file itself")
+            raise SubmissionError(f"{quoted(info.filename)} is a link: hand in the file itself")
         if info.is_dir():
             yield _Entry(info.filename)
             continue
@@ -245,7 +245,7 @@ def _in_zip(archive: zipfile.ZipFile) -> Iterator[_Entry]:
 def _in_tar(archive: tarfile.TarFile) -> Iterator[_Entry]:
     for info in archive:
         if not info.isdir() and not info.isfile():
-            raise SubmissionError(f"{info.name} is a link or a device: hand in plain files")
+            raise SubmissionError(f"{quoted(info.name)} is a link or a device: hand in plain files")
         if info.isdir():
             yield _Entry(info.name)
             continue
@@ -258,7 +258,7 @@ def _reading(opener: Callable[[], Any], name: str) -> IO[bytes]:
         opened: IO[bytes] = opener()
         return opened
     except Exception as error:
-        raise SubmissionError(f"{name} cannot be unpacked: {error}") from None
+        raise SubmissionError(f"{quoted(name)} cannot be unpacked: {shown(str(error), 200)}") from None
 
 
 class _Seen:

@@ -20,7 +20,7 @@ import OpenImageIO as oiio
 
 from raycheck.base.errors import ImageError, RenderError
 from raycheck.base.images import Image, load_exr, load_image
-from raycheck.base.text import one_line
+from raycheck.base.text import plain
 from raycheck.grading.jail import folders
 from raycheck.grading.jail.apart import Apart, Broken
 
@@ -125,7 +125,7 @@ def _decode(asked: bytes, folder: Path) -> bytes:
             image = load_image(path)
     except (ImageError, RenderError) as error:
         problem = str(error).replace(str(path), "{output}").replace(NAME, "{output}")
-        return one_line(problem).encode(errors="replace")[:MOST_SAID]
+        return plain(problem).encode(errors="replace")[:MOST_SAID]
     except MemoryError:
         return b"{output} takes too much memory to decode"
     return image.precision.encode() + b"\n" + image.pixels.astype("<f8").tobytes()

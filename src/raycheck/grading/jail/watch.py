@@ -19,7 +19,7 @@ from typing import Any
 from raycheck.base.errors import NotFound
 from raycheck.base.processes import end, signal_name, tree
 from raycheck.base.statuses import Status
-from raycheck.base.text import last_words, refusal
+from raycheck.base.text import last_words, plain, quoted, refusal
 from raycheck.grading.jail import confine, folders
 from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
@@ -53,7 +53,8 @@ class Finished:
         if self.killed or self.status < 0:
             return ""
         cannot = unexplained(last_words(self.said)) if self.status == Status.CANNOT else ""
-        return refusal(self.said.splitlines()) or cannot
+        said = refusal(self.said.splitlines())
+        return f"it says {quoted(said)}" if said else cannot
 
     @property
     def problem(self) -> str:
@@ -153,7 +154,7 @@ def watch(start: Callable[[int], Process], bounds: Bounds, jail: str = "") -> Fi
     spent = time.perf_counter() - started
     drain.join(1.0)
     if jail and not told:
-        last = " ".join(_text(said).split()) or "it said nothing"
+        last = plain(" ".join(_text(said).split())) or "it said nothing"
         raise NotFound(f"the sandbox {jail} cannot be made: {last}")
     killed = killed or bounds.overfull  # it may have ended between two looks
     late = bool(killed) and spent >= bounds.seconds

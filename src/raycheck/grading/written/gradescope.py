@@ -13,7 +13,7 @@ from raycheck.stats.verdict import Outcome
 def results_json(result: StudentResult) -> str:
     """The file that Gradescope reads at /autograder/results/results.json."""
     data: dict[str, Any] = {
-        "score": result.total, "execution_time": round(result.seconds), "output": _overall(result),
+        "score": result.total, "output": _overall(result),
         "output_format": "text", "visibility": "visible", "stdout_visibility": "hidden",
         "tests": [_test(task, index + 1) for index, task in enumerate(result.tasks)],
         "leaderboard": _leaderboard(result),

@@ -82,11 +82,13 @@ def clusters(results: Sequence[StudentResult]) -> list[Cluster]:
 
 
 def _kind(reason: str) -> str:
-    """A reason without its figures and details: two that differ in them alone are one kind."""
+    """A reason without its figures and details: two that differ in them alone are one kind. Strangers' words
+    are no part of it.
+    """
     named = re.search(r"it looks like this mistake: “(.+?)”", reason)
     if named:
         return named.group(1)
-    general = re.sub(r" \(seed \d+\)", "", reason).split("; ")[0]
+    general = re.sub(r" \(seed \d+\)", "", re.sub("“[^”]*”", "“…”", reason)).split("; ")[0]
     return re.sub(r"\d[\d.,…±−–%×^ ]*[\d%]|\d", "…", general)[:160]
 
 

@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import unicodedata
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from raycheck.base.errors import NotFound
+from raycheck.base.text import plain
 from raycheck.grading.assignment import Assignment
 from raycheck.grading.results import NOT_EXECUTED, StudentResult, TaskResult
 from raycheck.grading.written.pages import number, sentence
@@ -78,7 +80,7 @@ def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster:
     by_name = {result.student: result for result in results}
     order = [*roster, *sorted(set(by_name) - set(roster))]
     file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
+    writer = csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL)
     writer.writerow(
         ["student", *(t.id for t in assignment.tasks), "total", "open", "verdict", "review", "comment"]
     )
@@ -97,8 +99,12 @@ def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster:
 
 
 def _plain(text: str) -> str:
-    """No spreadsheet may take a cell for a formula."""
-    return "'" + text if text[:1] in "=+-@\t\r" and text else text
+    """A text as a cell that no spreadsheet takes for a formula, also one that ends cells elsewhere than this
+    table does: at ";", tabs and quotes.
+    """
+    text = plain(text).replace(";", ",").replace('"', "'")
+    first = unicodedata.normalize("NFKC", text).lstrip(" '")[:1]
+    return "'" + text if first and first in "=+-@|%" else text
 
 
 def _comment(result: StudentResult) -> str:
@@ -129,7 +135,7 @@ def junit_xml(results: Sequence[StudentResult]) -> str:
                 suite.add_testcase(case)
             for index, scene in enumerate(task.scenes):
                 name = f"{task.id} / {scene.scene}{f' / hidden {index}' if scene.hidden else ''}{_mark(task)}"
-                case = TestCase(name, classname=result.student, time=scene.seconds)
+                case = TestCase(name, classname=result.student, time=0.0 if scene.hidden else scene.seconds)
                 if scene.verdict is Outcome.FAIL:
                     case.result = [Failure(_clean(sentence(scene.told)), "verdict")]
                 elif scene.verdict is Outcome.INCONCLUSIVE:
