@@ -307,7 +307,7 @@ def test_a_picture_counts_where_hidden_variants_show_that_it_is_not_stored(
 
     monkeypatch.setattr(Grader, "_scene", scene)
     jail = Jail(Tier.NONE, Limits(), ends=time.perf_counter() + 1e6)
-    attempt = Attempt("a", Submission(tmp_path), "x", "", jail, tmp_path, None, 5)
+    attempt = Attempt("a", Submission(tmp_path), "x", "", jail, tmp_path, None, lambda: None, 5)
     task = grader._task(asked.tasks[0], attempt)
     share = 12 / 5
     assert task.points == pytest.approx(2 * share + sure / 2 * share, abs=1e-3)

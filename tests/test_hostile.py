@@ -5,6 +5,8 @@ import gzip
 import io
 import os
 import resource
+import subprocess
+import sys
 import tarfile
 import time
 import unicodedata
@@ -263,3 +265,52 @@ def test_nested_folders_end_the_program_that_made_them(tmp_path, tier: Tier, whe
         )  # fmt: skip
         assert "nested more than" in done.problem
     assert not place.exists()
+
+
+WORKS = "import time\nwhile time.process_time() < 1: pass"
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_a_limit_counts_work_and_not_what_others_do(tier: Tier) -> None:
+    """Also sleep; a program that others keep from its work is in time."""
+    need(tier)
+    hogs = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(4 * os.cpu_count())]
+    try:
+        with folders.temporary("raycheck-test-") as place:
+            (folder := place / "submission").mkdir()
+            for script, finishes in ((WORKS, True), ("while True: pass", False)):
+                words = ["/usr/bin/python3", "-c", script]
+                done = Jail(tier, Limits()).run(words, seconds=1.6, folder=folder, writable=False)
+                assert done.late != finishes and (done.problem == "") == finishes, done.problem
+                assert done.used < done.seconds
+    finally:
+        for hog in hogs:
+            hog.kill()
+            hog.wait()
+    idle = Jail(tier, Limits()).run(["sleep", "9"], seconds=0.5, folder=Path("/usr"), writable=False)
+    assert idle.late and idle.seconds < 5
+
+
+HOLDS = """\
+import os, time
+for number in range(100):
+    file = os.open(f"/out/{number}", os.O_CREAT | os.O_WRONLY)
+    os.unlink(f"/out/{number}")
+    os.write(file, bytes(1 << 20))
+time.sleep(9)
+"""
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_files_without_a_name_count(tier: Tier) -> None:
+    need(tier)
+    with folders.temporary("raycheck-test-") as place:
+        (output := place / "out").mkdir()
+        words = [
+            "/usr/bin/python3",
+            "-c",
+            HOLDS if tier is Tier.BUBBLEWRAP else HOLDS.replace("/out", str(output)),
+        ]
+        jail = Jail(tier, Limits(output_mb=4))
+        done = jail.run(words, seconds=5, folder=Path("/usr"), writable=False, output=output)
+        assert "files without a name" in done.problem

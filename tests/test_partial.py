@@ -252,8 +252,14 @@ class TestGrading:
     @pytest.mark.parametrize(
         ("text", "reason"),
         [
-            ("command = \"sh -c 'echo unsupported: spheres; exit 1' {output}\"", "unsupported: spheres"),
-            ("command = \"sh -c 'echo unsupported: spheres >&2; exit 1' {output}\"", "unsupported: spheres"),
+            (
+                "command = \"sh -c 'echo unsupported: spheres; exit 1' {output}\"",
+                "it says “unsupported: spheres”",
+            ),
+            (
+                "command = \"sh -c 'echo unsupported: spheres >&2; exit 1' {output}\"",
+                "it says “unsupported: spheres”",
+            ),
             (
                 "command = \"sh -c 'exit 77' {output}\"",
                 "the renderer does not support the scene (exit status 77)",

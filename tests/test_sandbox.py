@@ -187,8 +187,8 @@ def test_the_new_hierarchy_is_used_where_it_is_ours_alone(tmp_path, monkeypatch)
     written(base / "cgroup.procs", "")
     assert places() == () and not (base / cgroups.OURS).exists()
     monkeypatch.setattr(cgroups, "_is_ours", lambda folder: folder == base)
-    assert places() == (cgroups.Place(base, ("memory", "pids"), 2),)
-    assert (base / "cgroup.subtree_control").read_text() == "+memory +pids"
+    assert places() == (cgroups.Place(base, ("memory", "pids", "cpu"), 2),)
+    assert (base / "cgroup.subtree_control").read_text() == "+memory +pids +cpu"
     members[:] = [([], base / cgroups.OURS)]
     monkeypatch.setattr(cgroups, "_is_ours", lambda folder: False)  # its parent was, when it moved
     assert [place.folder for place in places()] == [base]

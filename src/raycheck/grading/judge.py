@@ -9,7 +9,7 @@ picture, a wrong size, seeds that change nothing) counts at once.
 import hashlib
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -133,7 +133,10 @@ class Grader:
         else:
             with Decoder(jail.user) as decoder:
                 scenes = sum(map(len, self.scenes.values()))
-                attempt = Attempt(student, submission, command, digest, jail, place, decoder, scenes)
+                refresh = _keep(unpacked) if command else lambda: None
+                attempt = Attempt(
+                    student, submission, command, digest, jail, place, decoder, refresh, scenes
+                )  # fmt: skip
                 tasks = [
                     self._pictures(task, attempt)
                     if task.accepts == PICTURES and submission.pictures(task.id)
@@ -227,7 +230,7 @@ class Grader:
         try:
             program = Program(
                 jail, attempt.submission.folder, attempt.command, work / "scene", name, size, task.id,
-                work / "scratch", attempt.decoder,
+                work / "scratch", attempt.decoder, attempt.refresh,
             )  # fmt: skip
             if hidden and not program.reads_scene:
                 return SceneResult(name, True, Outcome.INCONCLUSIVE, UNREADABLE)
@@ -359,8 +362,27 @@ class Attempt:
     jail: Jail
     place: Path
     decoder: Decoder
+    refresh: Callable[[], None]
+    """Makes the submission's folder as its build left it."""
     waiting: int
     """Scenes that were not tried yet."""
+
+
+def _keep(folder: Path) -> Callable[[], None]:
+    """Keep a submission as its build left it, and make its folder anew from that: what a picture read, and
+    when, is not to be seen by the next, neither by times nor by what is still in memory.
+    """
+    kept = folder.with_name("kept")
+    folder.rename(kept)
+    kept.chmod(0o700)
+
+    def refresh() -> None:
+        folders.remove(folder)
+        folder.mkdir(mode=0o755)
+        folders.copy(kept, folder)
+
+    refresh()
+    return refresh
 
 
 def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:

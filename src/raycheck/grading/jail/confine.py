@@ -405,7 +405,9 @@ def _supervise_and_report(message: bytes, said: int, info: int, status: int) -> 
         for descriptor in (said, info, status):
             os.set_inheritable(descriptor, False)
         asked = json.loads(message)
-        os.write(status, str(supervise(Rules(**asked["rules"]), asked["words"], info)).encode())
+        code = supervise(Rules(**asked["rules"]), asked["words"], info)
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        os.write(status, f"{code} {used.ru_utime + used.ru_stime}".encode())
     finally:
         os._exit(0)
 

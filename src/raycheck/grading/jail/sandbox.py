@@ -47,10 +47,16 @@ shift
 exec "$@"
 """
 """Become the first to go where memory is short, a member of the control groups, and then the command."""
+WALL = 20.0
+"""Times its limit that a program may take by the clock: others may keep the machine busy."""
 OWN_PROCESSES = 3
 """How many processes the jail itself needs."""
 READABLE = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64")
-SETTINGS = ("/etc/alternatives", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d")
+SETTINGS = (
+    "/etc/alternatives", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d", "/etc/ssl/openssl.cnf",
+    *sorted(map(str, Path("/etc").glob("java*"))),
+)  # fmt: skip
+"""What of the machine's settings compilers and languages read."""
 MACHINE = (
     "/dev/urandom", "/dev/random", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/sys/devices/system/cpu",
 )  # fmt: skip
@@ -108,8 +114,8 @@ class Jail:
         NotFound where the jail itself cannot be made.
         """
         command = Command(words, folder, writable, readable or {}, output)
-        limits, seconds = self.limits, max(min(seconds, self.left()), 0.01)
-        bounds = Bounds(seconds, limits.memory_mb, command.sizes(limits))
+        limits, wall = self.limits, max(min(WALL * seconds, self.left()), 0.01)
+        bounds = Bounds(seconds, wall, limits.memory_mb, command.sizes(limits))
         if self.tier is Tier.NONE:
             return watch(lambda _: _popen(command.outside, cwd=folder), bounds)
         for place in (folder, output):
