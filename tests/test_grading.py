@@ -43,7 +43,7 @@ from raycheck.judging import checks
 from raycheck.judging.settings import PILOT_IMAGES
 from raycheck.renderers import builds
 from raycheck.renderers.renderer import Rendering
-from raycheck.scene import variants
+from raycheck.scene import export, variants
 from raycheck.stats.verdict import Outcome
 from raycheck.truth import references
 from raycheck.truth.making import Goal
@@ -203,7 +203,7 @@ def test_speed_is_measured_beside_oneray_in_the_same_jail(tmp_path, oneray: Path
     text = TASKS + 'technique = "nee"\nspeed_points = 0\n'
     grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), tier)
     compare = speed.compare
-    again = lambda *what: compare(*what) and compare(*what)  # noqa: E731  as after a late picture
+    again = lambda *what: compare(*what)[0] and compare(*what)  # noqa: E731  as after a late picture
     monkeypatch.setattr(speed, "compare", again)
     [task] = grader.grade(tmp_path / "one-scene", "one-scene").tasks
     assert task.points == task.most == 4, task.comment
@@ -217,6 +217,43 @@ def test_a_hidden_variant_is_another_picture_and_not_to_be_guessed() -> None:
     one, other = (hidden.vary(of, "area-light/0/0", Keys("a", secret)) for secret in (b"1", b"2"))
     assert one == hidden.vary(of, "area-light/0/0", Keys("a", b"1"))
     assert len({one, other, of.path.read_text(encoding="utf-8")}) == 3
+
+
+LECTURE = read_assignment(ROOT / "docs/lecture12.toml")
+"""The assignment that ships."""
+
+
+def test_every_task_that_ships_has_hidden_variants() -> None:
+    assert all(task.hidden for task in LECTURE.tasks)
+    assert not any(task.noise_points > 0 or task.speed_points > 0 for task in LECTURE.tasks)
+
+
+@pytest.mark.parametrize("label", sorted({scene for task in LECTURE.tasks for scene in task.scenes}))
+def test_a_hidden_variant_changes_what_interpolation_cannot_follow(tmp_path, label: str) -> None:
+    """Colours of lights and surfaces, sizes or places, where the camera is and what it sees, long paths."""
+    of = variants.variant(label)
+    made = variants.variant(written(tmp_path / "variant.xml", hidden.vary(of, "x", Keys("a", b"secret"))))
+    before, after = export.export(of), export.export(made)
+    cameras = [scene["camera"] for scene in (before, after)]
+    assert cameras[0]["origin"] != cameras[1]["origin"]
+    heights = [np.array(camera["origin"]) for camera in cameras]
+    assert np.abs(heights[0] - heights[1]).min() > 0, "turned about the axis and raised"
+    places = ("corner", "edge_u", "edge_v", "radius", "center", "position")
+    shapes = [
+        [[one.get(key) for key in places] for one in (*scene["primitives"], *scene["lights"])]
+        for scene in (before, after)
+    ]
+    assert shapes[0] != shapes[1] or label == "open-sky"
+    depths = [scene["max_depth"] or 0 for scene in (before, after)]
+    assert depths[1] < depths[0] if depths[0] >= hidden.LONG else depths[1] == depths[0]
+    root, varied = of.document().resolved(), made.document().resolved()
+    for what in ("reflectance", "radiance", "intensity"):
+        colours = [[e.get("value") for e in r.iter("rgb") if e.get("name") == what] for r in (root, varied)]
+        black = ("0", "0, 0, 0")
+        pairs = [pair for pair in zip(*colours, strict=True) if pair[0] not in black]
+        assert all(one != other for one, other in pairs)
+    fovs = [next(e.get("value") for e in r.iter("float") if e.get("name") == "fov") for r in (root, varied)]
+    assert fovs[0] != fovs[1]
 
 
 def test_the_secret_is_kept_and_is_the_owner_s_alone(tmp_path) -> None:
@@ -455,14 +492,33 @@ def test_a_late_picture_fails_no_scene_that_passed(tmp_path, monkeypatch) -> Non
         tried.append(spp)
         if spp > in_time:
             raise RenderLate("no picture: not finished")
-        return speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], technique)
+        return speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], technique), []
 
     monkeypatch.setattr(speed, "compare", compare)
     in_time = 4
-    found = grader._speed(task, Noisy(lambda spp, number: 0.1), "speed")
+    of = variants.variant("point-light")
+    found, _ = grader._speed(task, of, Noisy(lambda spp, number: 0.1), "speed")
     assert tried == [16, 4] and found is not None and 2.0 < found["ratio"] < 2.1
     in_time = 1
-    assert grader._speed(task, Noisy(lambda spp, number: 0.1), "speed") is None
+    assert grader._speed(task, of, Noisy(lambda spp, number: 0.1), "speed") == (None, "")
+
+
+def test_pictures_whose_time_is_taken_are_judged(tmp_path, monkeypatch) -> None:
+    """Black ones take none."""
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", TASKS)), Tier.NONE)
+    of, [task] = variants.variant("point-light"), grader.assignment.tasks
+    mean, rng = references.load_reference(of).mean, np.random.default_rng(5)
+    right = [mean * rng.gamma(50, 1 / 50, (*mean.shape[:2], 1)) for _ in range(8)]
+    program = Noisy(lambda spp, number: 0.1)
+    for pictures, wrong in (
+        (right, False),
+        ([0 * one for one in right], True),
+        (right[:4] + 4 * [0 * mean], False),
+    ):
+        found = speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], "nee"), pictures
+        monkeypatch.setattr(speed, "compare", lambda *what, found=found: found)
+        said = grader._speed(task, of, program, "speed")[1]
+        assert bool(said) == wrong and (not wrong or "whose time was taken" in said)
 
 
 def test_less_noise_than_the_technique_has_waits_for_a_look(tmp_path) -> None:

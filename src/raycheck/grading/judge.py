@@ -52,10 +52,12 @@ STORED = (
     "it shows the scene as it is published where another is given: its picture is stored, or its scene is in "
     "the source and the run command should take {name} in place of {scene} or {json}"
 )
-UNPROVEN = (
-    "the picture is right, but of the scene's hidden variants none is: this may be a stored picture, and the "
-    "points wait for a look at the source"
-)
+UNPROVEN = {
+    Outcome.INCONCLUSIVE: "the picture is right, none of its hidden variants was decided, its points wait",
+    Outcome.FAIL: "the picture is right, and of its hidden variants none is; the points wait for a look",
+    Outcome.SKIP: "the picture is right; its hidden variants were refused, and the points wait for a look",
+}
+"""Why points of a published scene are open, by what became of its hidden variants."""
 OPTION = "; --timeout SECONDS allows more"
 """What verify advises, and no student can do."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
@@ -101,7 +103,7 @@ class Grader:
                 scenes[task.id].append((of, of.label, None))
                 hidden = hidden_variants(of, task.hidden, keys, folder, assignment.delta)
                 scenes[task.id] += [(one, of.label, of) for one in hidden]
-            for of, _, _ in scenes[task.id] if task.noise_points else ():
+            for of, _, _ in scenes[task.id] if task.measures_noise else ():
                 noise.of_oneray(of, task.spp, task.technique, private_folder(assignment.path))
         return cls(assignment, keys, scenes, tier)
 
@@ -167,7 +169,7 @@ class Grader:
         scene.seconds = round(time.perf_counter() - started, 1)
         result = points.earned(self.assignment, task, [scene], executed=False)
         many = f"{len(files)} picture{'s' if len(files) > 1 else ''} handed in"
-        noisy = ", which earn no points for noise" if task.noise_points else ""
+        noisy = ", which earn no points for noise" if task.noise_points > 0 else ""
         result.comment = f"{NOT_EXECUTED}: judged by {many}{noisy}"
         return result
 
@@ -187,7 +189,7 @@ class Grader:
     @property
     def compares(self) -> bool:
         """Whether a task compares with oneray, in noise or speed."""
-        return any(task.noise_points or task.measures_speed for task in self.assignment.tasks)
+        return any(task.measures_noise or task.measures_speed for task in self.assignment.tasks)
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
         if not attempt.command:
@@ -239,8 +241,10 @@ class Grader:
             found.pictures = _pictures(made, of, secret=hidden)
             if varies and found.verdict is Outcome.FAIL and made and self._stored(made, varies, of):
                 found.stored, found.reason, found.mistake = True, STORED, ""
-            if task.measures_speed and not hidden and found.verdict is Outcome.PASS:
-                found.speed = self._speed(task, program, purpose)
+            if task.measures_speed and found.verdict is Outcome.PASS:
+                found.speed, wrong = self._speed(task, of, program, purpose)
+                if wrong:
+                    found.verdict, found.reason = Outcome.FAIL, wrong
         except RenderTimeout as error:
             found = SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error))
         except CannotRender as error:
@@ -287,7 +291,7 @@ class Grader:
         found.borderline = last.verdict is not Outcome.FAIL and len(tried) > 1
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
-        if task.noise_points and last.verdict is not Outcome.FAIL and enough:
+        if task.measures_noise and last.verdict is not Outcome.FAIL and enough:
             kept = private_folder(self.assignment.path)
             compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique, kept)
             found.noise = asdict(compared) if compared else None
@@ -300,20 +304,34 @@ class Grader:
         images, names = [Image(pixels) for pixels in made], [str(number) for number in range(len(made))]
         return judge_pictures(published, images, names, self.finds).verdict is not Outcome.FAIL
 
-    def _speed(self, task: Task, program: Program, purpose: str) -> dict[str, Any] | None:
+    def _speed(
+        self, task: Task, of: Variant, program: Program, purpose: str
+    ) -> tuple[dict[str, Any] | None, str]:  # fmt: skip
         """How fast it is, with the samples of a longer look where there is time: the less weighs the
-        program's start. Not at all where even a picture of fewer is late.
+        program's start. Not at all where even a picture of fewer is late. And what is wrong with the pictures
+        whose time was taken: they are judged as all others.
         """
         spp = task.spp
         longer = program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS)
         seeds = make_seeds(f"{purpose}/{self.keys.number(purpose, hidden=True)}/speed", speed.PAIRS)
         for samples in (MORE * spp, spp) if longer else (spp,):
             try:
-                compared = speed.compare(program, samples, task.technique, seeds)
-                return asdict(compared) if compared else None
+                compared, made = speed.compare(program, samples, task.technique, seeds)
+                return asdict(compared) if compared else None, self._wrong(made, of)
             except (RenderLate, RenderTimeout):
                 continue
-        return None
+        return None, ""
+
+    def _wrong(self, made: Sequence[Array], of: Variant) -> str:
+        """What is wrong with these pictures, where each half of them shows it; empty if nothing is."""
+        half, wrong = len(made) // 2, ""
+        for part in (made[:half], made[half:]):
+            images, names = [Image(pixels) for pixels in part], [str(number) for number in range(len(part))]
+            case = judge_pictures(of, images, names, self.finds) if len(part) > 1 else None
+            if case is None or case.verdict is not Outcome.FAIL:
+                return ""
+            wrong = f"of the pictures whose time was taken: {case.reason}"
+        return wrong
 
     def _many_samples(self, spp: int, of: Variant, program: Tried, purpose: str) -> str | None:
         """What is wrong with four times the samples: they show the same picture with a quarter of the noise.
@@ -347,7 +365,9 @@ def _doubt(scenes: Sequence[SceneResult]) -> None:
         if any(one.stored for one in variants):
             scene.verdict, scene.reason = Outcome.FAIL, STORED
         elif unproven and scene.verdict is Outcome.PASS:
-            scene.verdict, scene.reason = Outcome.INCONCLUSIVE, UNPROVEN
+            outcomes = {one.verdict for one in variants}
+            scene.verdict = Outcome.INCONCLUSIVE
+            scene.reason = next(UNPROVEN[outcome] for outcome in UNPROVEN if outcome in outcomes)
         variants = []
 
 

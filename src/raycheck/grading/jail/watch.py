@@ -29,8 +29,8 @@ from raycheck.renderers.commands import unexplained
 KEPT_BYTES = 4000
 """How much is kept of what a program says."""
 WATCH_SECONDS = 0.05
-MOST_UNLINKED = 2
-"""Times what its folders may hold that it may hold in files without a name."""
+UNLINKED_BYTES, UNLINKED_TIMES = 16 << 20, 2
+"""What it may hold in files without a name, and how many times what its folders may hold."""
 END_SECONDS = 10.0
 """How long a supervisor may take to end what it looks after."""
 Process = subprocess.Popen[bytes] | Confined
@@ -125,7 +125,7 @@ class Bounds:
     @property
     def most_unlinked(self) -> int:
         """How much it may hold in files that have no name any more."""
-        return MOST_UNLINKED * sum(size.most_bytes for size in self.sizes)
+        return UNLINKED_BYTES + UNLINKED_TIMES * sum(size.most_bytes for size in self.sizes)
 
     @property
     def swollen(self) -> str:

@@ -35,7 +35,7 @@ def _leaderboard(result: StudentResult) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = [{"name": "Points", "value": result.total}]
     for task in (task for task in result.tasks if task.verdict is Outcome.PASS):
         for what in ("noise", "speed"):
-            found = [getattr(scene, what) for scene in task.scenes]
+            found = [getattr(scene, what) for scene in task.scenes if not scene.hidden]
             ratios = [one["ratio"] for one in found if one]
             if ratios:
                 ratio = float(f"{max(ratios):.3g}")
