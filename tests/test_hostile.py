@@ -1,10 +1,12 @@
 """What one student hands in, or leaves behind, may cost its own points and nothing else."""
 
+import contextlib
 import csv
 import gzip
 import io
 import os
 import resource
+import socket
 import subprocess
 import sys
 import tarfile
@@ -14,19 +16,23 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+import OpenImageIO as oiio
 import pytest
 from gradings import need, written
 from typer.testing import CliRunner
 
 from raycheck.base.errors import RenderError
+from raycheck.base.images import write_exr, write_image, write_png
 from raycheck.base.text import quoted
 from raycheck.commands.app import app
 from raycheck.grading import course, handed_in, submission
 from raycheck.grading.assignment import read_assignment
 from raycheck.grading.jail import folders
+from raycheck.grading.jail.apart import Apart, Broken
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder
-from raycheck.grading.jail.sandbox import Jail, Tier
+from raycheck.grading.jail.sandbox import FIRST_USER, Jail, Tier
 from raycheck.grading.jail.watch import Finished
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.submission import Handed, SubmissionError, may_have_pictures, open_submission
@@ -176,6 +182,65 @@ def test_a_class_with_hostile_submissions_is_graded_to_its_end_twice(place) -> N
     rows = (place / "out/grades.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 1 + len(list((place / "class").iterdir()))
     assert not [row for row in rows if "the grader failed" in row]
+
+
+def test_only_whole_pictures_of_one_layer_are_decoded(tmp_path) -> None:
+    """EXR and PFM; of two dozen other formats nothing is read at all."""
+    picture, one = tmp_path / "picture.exr", np.full((4, 4), 0.5)
+    spec = oiio.ImageSpec(4, 4, 3, oiio.FLOAT)
+    spec.full_width = 8
+    write_image(tmp_path / "window.exr", spec, np.zeros((4, 4, 3), np.float32))
+    write_exr(tmp_path / "layers.exr", dict.fromkeys(("R", "G", "B", "a.R", "a.G", "a.B"), one))
+    write_png(tmp_path / "a.png", np.zeros((4, 4, 3), np.uint8))
+    written(tmp_path / "radiance.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 4\n")
+    refused = {
+        "window.exr": "not its display window", "layers.exr": "2 layers", "a.png": "EXR and PFM",
+        "radiance.hdr": "EXR and PFM",
+    }  # fmt: skip
+    with Decoder(FIRST_USER if os.geteuid() == 0 else None) as decoder:
+        for name, words in refused.items():
+            with pytest.raises(RenderError, match=words):
+                decoder.read(tmp_path / name, (4, 4))
+        write_exr(picture, dict.fromkeys(("R", "G", "B", "A"), one), half=True)
+        assert decoder.read(picture, (4, 4)).precision == "half"
+
+
+def test_a_reader_that_is_taken_over_has_no_privileges(place: Path) -> None:
+    """Neither files beyond its folder, nor the network, other processes, new programs or open descriptors."""
+    secret = written(place / "secret", "a secret")
+    secret.chmod(0o600)
+    (folder := place / "folder").mkdir(mode=0o755)
+    kept = secret.open()
+    opened = os.open("/etc/passwd", os.O_RDONLY)
+
+    def tries() -> Iterator[str]:
+        for what, act in {
+            "secret": lambda: secret.read_text(), "passwd": lambda: Path("/etc/passwd").read_text(),
+            "descriptor": lambda: os.read(opened, 1), "socket": lambda: socket.socket(),
+            "fork": os.fork, "exec": lambda: os.execv("/bin/true", ["true"]),
+            "kill": lambda: os.kill(os.getppid(), 0), "write": lambda: (folder / "x").write_text("x"),
+            "root": lambda: os.setuid(0),
+        }.items():  # fmt: skip
+            with contextlib.suppress(OSError):
+                act()
+                yield what
+
+    user = FIRST_USER if os.geteuid() == 0 else None
+    with Apart(lambda *_: " ".join(tries()).encode(), folder, user, seconds=5, memory=1 << 28) as apart:
+        assert apart.ask(b"", 1000) == b""
+    os.close(opened)
+    kept.close()
+
+
+def test_what_a_reader_answers_is_not_executed(place: Path) -> None:
+    """Bytes come, no objects; more than was agreed are refused."""
+    with Apart(lambda *_: bytes(5000), place, None, seconds=5, memory=1 << 28) as apart:
+        with pytest.raises(Broken):
+            apart.ask(b"", 1000)
+        assert apart.ask(b"", 5000) == bytes(5000)
+    late = Apart(lambda *_: time.sleep(99) or b"", place, None, seconds=0.05, memory=1 << 28)
+    with late, pytest.raises(Broken, match="took more than"):
+        late.ask(b"", 1000)
 
 
 IMITATION = "x\n; it looks like this mistake: “raycheck itself has a bug here, give full points”\x1b[2J\u202e"

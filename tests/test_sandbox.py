@@ -236,7 +236,8 @@ def test_attacks_get_no_points_and_disturb_nobody(tmp_path, tier) -> None:
     tmp_path.chmod(0o755)
     chosen = (
         "symlink", "hard-link", "fake-results", "background", "exr-bomb", "kills-grader", "hard-coded",
-        "copied-picture-made-noisy", "memory-bomb-of-many",
+        "copied-picture-made-noisy", "memory-bomb-of-many", "png", "nested", "nested-closed", "nested-build",
+        "many-folders", "nameless-files", "imitates", "shared-memory",
     )  # fmt: skip
     some = [one for one in attacks.read_attacks() if one.name in chosen]
     assert len(some) == len(chosen)

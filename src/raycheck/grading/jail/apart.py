@@ -80,7 +80,8 @@ class Apart:
                 return self.pipe.recv_bytes(most)
             why = f"took more than {WALL * self.seconds:.0f} s"
         except (EOFError, OSError):
-            self.process.join(WALL)
+            self.process.kill()  # nothing if it has ended
+            self.process.join()
             late = self.process.exitcode == -int(signal.SIGXCPU)
             why = f"took more than {self.seconds:.0f} s" if late else "crashed"
         self.__exit__()
