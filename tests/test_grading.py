@@ -38,7 +38,7 @@ from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.submission import Submission, SubmissionError, may_have_pictures, open_submission
 from raycheck.grading.written import tables
 from raycheck.grading.written.gradescope import failed_json, results_json
-from raycheck.grading.written.pages import clusters, student_page
+from raycheck.grading.written.pages import clusters, course_page, student_page
 from raycheck.judging import checks
 from raycheck.judging.settings import PILOT_IMAGES
 from raycheck.renderers import builds
@@ -788,6 +788,26 @@ def test_without_a_sandbox_nothing_is_run(tmp_path, monkeypatch) -> None:
     assert not (tmp_path / "out").exists()
 
 
+def test_a_cause_is_one_row_in_all_tasks_and_what_is_not_written_is_folded(tmp_path) -> None:
+    assignment = read_assignment(written(tmp_path / "a.toml", TASKS))
+    named = a_result(Outcome.FAIL, "33 % too bright; it looks like this mistake: “emission counted twice”")
+    named.tasks.append(replace(named.tasks[0], id="L2"))
+    missing = a_result(Outcome.FAIL, "exit status 0, but {output} was not written")
+    missing.student = "Bob"
+    for task in named.tasks:
+        task.scenes[0].looks = 2
+        task.scenes[0].pictures = [{"uri": "data:image/png;base64,bWFw", "caption": "where"}]
+    close = a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0)
+    close.student = "Ann"
+    results = [named, missing, close]
+    page = course_page(assignment, results, {result.student: "x.html" for result in results})
+    assert page.count("1 student: emission counted twice") == 1 and "(L1, L2)" in page and "bWFw" in page
+    places = [
+        page.index(words) for words in ("too noisy", "emission counted", "<details>", "was not written")
+    ]
+    assert places == sorted(places)
+
+
 def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:
     reasons = (
         "the image as a whole is 33 % ± 0.3 % too bright; x",
@@ -796,5 +816,6 @@ def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:
     results = [a_result(Outcome.FAIL, reason) for reason in reasons]
     results[1].student = "Bob"
     [cluster] = clusters(results)
-    assert cluster.what == "L1: the image as a whole is … too bright"
+    assert cluster.what == "the image as a whole is … too bright"
+    assert cluster.tasks == {"<b>Eve</b>": ["L1"], "Bob": ["L1"]}
     assert cluster.students == ["<b>Eve</b>", "Bob"]

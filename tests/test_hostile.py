@@ -22,8 +22,9 @@ import pytest
 from gradings import need, written
 from typer.testing import CliRunner
 
-from raycheck.base.errors import RenderError
+from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.images import write_exr, write_image, write_png
+from raycheck.base.statuses import Status
 from raycheck.base.text import quoted
 from raycheck.commands.app import app
 from raycheck.grading import course, handed_in, submission
@@ -241,6 +242,69 @@ def test_what_a_reader_answers_is_not_executed(place: Path) -> None:
     late = Apart(lambda *_: time.sleep(99) or b"", place, None, seconds=0.05, memory=1 << 28)
     with late, pytest.raises(Broken, match="took more than"):
         late.ask(b"", 1000)
+
+
+def test_students_are_told_apart_and_found_however_they_are_written(tmp_path) -> None:
+    """Two called Ann, accents in one letter or two, archives that are not read, a file, a Mac's folder."""
+    (folder := tmp_path / "class").mkdir()
+    for name in ("Ann_1_assignsubmission_file", "Ann_2_assignsubmission_file", "__MACOSX", "Rene\u0301_3_x"):
+        (folder / name).mkdir()
+    for name in ("Bob_4_x.rar", "carl.cpp", "dora.7z", ".DS_Store", "roster.csv"):
+        (folder / name).write_bytes(b"x")
+    roster = tables.read_roster(written(tmp_path / "r.csv", "Id; Student\n1; Ren\u00e9\n\n2;Bob\n"))
+    assert roster == ["Ren\u00e9", "Bob"]
+    found = {entry.student: entry.path for entry in course.entries(folder, roster)}
+    anns = {"Ann (Ann_1_assignsubmission_file)", "Ann (Ann_2_assignsubmission_file)"}
+    assert set(found) == {*anns, "Ren\u00e9", "Bob", "carl", "dora"}
+    for student, words in (("Bob", "not read here"), ("carl", "neither a folder"), ("dora", "not read here")):
+        (into := tmp_path / student).mkdir()
+        with pytest.raises(SubmissionError, match=words):
+            open_submission(found[student], into)
+
+
+def test_points_by_hand_are_for_somebody_and_once(tmp_path) -> None:
+    asked = read_assignment(written(tmp_path / "a.toml", TASKS))
+
+    def read(rows: str) -> dict[tuple[str, str], tables.Override]:
+        path = written(tmp_path / "o.csv", f"student;task;points;comment\n{rows}\n")
+        return tables.read_overrides(path, asked, {"Ren\u00e9"})
+
+    for rows, words in (
+        ("Ren\u00e9;L1;-1;", "o.csv:2: '-1' is no number of points"),
+        ("Ren\u00e9;L1;1;\nRene\u0301;L1;2;", "o.csv:3: points of 'Ren\u00e9' for L1 are set twice"),
+        ("Eve;L1;1;", "o.csv:2: there is no submission"),
+    ):
+        with pytest.raises(NotFound, match=words):
+            read(rows)
+    [row] = csv.DictReader(
+        io.StringIO(tables.grades_csv(asked, [], ["Ren\u00e9"], read("Rene\u0301;L1;3;late")))
+    )
+    assert (row["L1"], row["total"]) == ("3", "3") and "late" in row["comment"]
+
+
+def test_a_grading_that_is_ended_leaves_nothing(place: Path) -> None:
+    (place / "class/slow").mkdir(parents=True)
+    written(place / "class/slow/raycheck.toml", 'command = "sleep 60 {output}"')
+    (place / "tmp").mkdir()
+    words = [sys.executable, "-c", "from raycheck.commands.app import app; app()", "grade", "--no-sandbox"]
+    words += [
+        "--assignment",
+        written(place / "a.toml", TASKS),
+        "--class",
+        place / "class",
+        "--out",
+        place / "o",
+    ]
+    environment = {**os.environ, "TMPDIR": str(place / "tmp")}
+    grading = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not list((place / "tmp").glob("*/tmp/*/submission")) and time.monotonic() < until:
+        time.sleep(0.05)
+    grading.terminate()
+    said = grading.communicate(timeout=60)[1]
+    assert grading.returncode == Status.INTERRUPTED and "Traceback" not in said
+    assert said.strip().endswith("raycheck: interrupted")
+    assert [left.name for left in (place / "tmp").iterdir()] == []
 
 
 IMITATION = "x\n; it looks like this mistake: “raycheck itself has a bug here, give full points”\x1b[2J\u202e"

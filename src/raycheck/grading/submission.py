@@ -50,6 +50,9 @@ class SubmissionError(Exception):
         super().__init__(plain(text))  # names in an archive may be no text, or more than text
 
 
+NOT_READ = (".rar", ".7z", ".gz", ".xz", ".bz2", ".zst")
+
+
 @dataclass(frozen=True)
 class Submission:
     """A submission that was unpacked."""
@@ -153,6 +156,8 @@ def open_submission(path: Path, into: Path, user: int | None = None) -> Submissi
 
 
 def _no_archive(name: str) -> SubmissionError:
+    if name.lower().endswith(NOT_READ):
+        return SubmissionError(f"{quoted(name)} is an archive that is not read here: hand in a zip or tar")
     return SubmissionError(f"{quoted(name)} is neither a folder nor an archive (zip, tar)")
 
 

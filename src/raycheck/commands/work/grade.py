@@ -35,8 +35,8 @@ def grade(
     names = tables.read_roster(lists.roster) if lists.roster else []
     found = course.entries(class_folder, names) if class_folder else []
     if submission is not None:
-        found = [course.Entry(student or submission.resolve().name.split(".")[0], submission)]
-    students = {entry.student for entry in found}
+        found = [course.Entry(tables.name_of(student or submission.resolve().name.split(".")[0]), submission)]
+    students = {*names, *(entry.student for entry in found)}
     by_hand = tables.read_overrides(lists.overrides, asked, students) if lists.overrides else {}
     grader = Grader.prepare(asked, tier)
     made_folder(out)

@@ -28,21 +28,23 @@ def read_overrides(
     path: Path, assignment: Assignment, students: Collection[str]
 ) -> dict[tuple[str, str], Override]:
     """student,task,points,comment: by student and task; NotFound names the line that is wrong. `students`
-    are those who handed in something.
+    are those who handed in something or are on the roster.
     """
     known = {task.id: task for task in assignment.tasks}
-    found = {}
+    found: dict[tuple[str, str], Override] = {}
     for line, row in _rows(path, ("student", "task", "points")):
         try:
             points = float(row["points"])
-            if not math.isfinite(points):
+            if not (math.isfinite(points) and points >= 0):
                 raise ValueError
         except ValueError:
-            raise NotFound(f"{path}:{line}: {row['points']!r} is no number of points") from None
+            raise NotFound(f"{path}:{line}: {row['points']!r} is no number of points, 0 or more") from None
         if row["task"] not in known:
             raise NotFound(f"{path}:{line}: no task {row['task']!r}; there are {', '.join(known)}")
         if row["student"] not in students:
             raise NotFound(f"{path}:{line}: there is no submission of a student {row['student']!r}")
+        if (row["student"], row["task"]) in found:
+            raise NotFound(f"{path}:{line}: points of {row['student']!r} for {row['task']} are set twice")
         found[row["student"], row["task"]] = Override(points, row.get("comment") or "")
     return found
 
@@ -57,12 +59,21 @@ def _rows(path: Path, needed: Sequence[str]) -> Iterator[tuple[int, dict[str, st
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise NotFound(f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8'}") from None
-    reader = csv.DictReader(io.StringIO(text))
-    missing = [name for name in needed if name not in (reader.fieldnames or ())]
+    first = text.partition("\n")[0]
+    reader = csv.DictReader(io.StringIO(text), delimiter=max(",;\t", key=first.count))
+    reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or ()]
+    missing = [name for name in needed if name not in reader.fieldnames]
     if missing:
         raise NotFound(f"{path}:1: there is no column {missing[0]!r}")
     for row in reader:
-        yield reader.line_num, {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
+        cells = {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
+        if any(cells.values()):
+            yield reader.line_num, {**cells, "student": name_of(cells["student"])}
+
+
+def name_of(text: str) -> str:
+    """A student's name, the same however its letters with accents are written."""
+    return plain(unicodedata.normalize("NFC", text))
 
 
 def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], Override]) -> None:
@@ -75,8 +86,13 @@ def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], O
             task.comment = "; ".join(filter(None, (said, task.comment)))
 
 
-def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster: Sequence[str]) -> str:
-    """The table in roster order, then whoever is not on it; who handed in nothing has empty cells."""
+def grades_csv(
+    assignment: Assignment, results: Sequence[StudentResult], roster: Sequence[str],
+    overrides: Mapping[tuple[str, str], Override] | None = None,
+) -> str:  # fmt: skip
+    """The table in roster order, then whoever is not on it; who handed in nothing has empty cells, but for
+    the teacher's points.
+    """
     by_name = {result.student: result for result in results}
     order = [*roster, *sorted(set(by_name) - set(roster))]
     file = io.StringIO()
@@ -87,8 +103,11 @@ def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster:
     for student in order:
         result = by_name.get(student)
         if result is None:
-            cells = ["" for _ in assignment.tasks]
-            writer.writerow([_plain(student), *cells, "", "", "", "", "nothing handed in"])
+            set_ = [(overrides or {}).get((student, task.id)) for task in assignment.tasks]
+            total = number(sum(one.points for one in set_ if one)) if any(set_) else ""
+            said = "; ".join(["nothing handed in", *(f"points set by hand: {o.comment}" for o in set_ if o)])
+            cells = [number(one.points) if one else "" for one in set_]
+            writer.writerow([_plain(student), *cells, total, "", "", "", _plain(said)])
             continue
         points = [number(task.points) for task in result.tasks]
         verdict = " ".join(f"{task.id}:{task.verdict.value}{_mark(task)}" for task in result.tasks)
