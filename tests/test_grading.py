@@ -803,7 +803,7 @@ def test_a_cause_is_one_row_in_all_tasks_and_what_is_not_written_is_folded(tmp_p
     page = course_page(assignment, results, {result.student: "x.html" for result in results})
     assert page.count("1 student: emission counted twice") == 1 and "(L1, L2)" in page and "bWFw" in page
     places = [
-        page.index(words) for words in ("too noisy", "emission counted", "<details>", "was not written")
+        page.index(words) for words in ("Too noisy", "emission counted", "<details>", "was not written")
     ]
     assert places == sorted(places)
 
