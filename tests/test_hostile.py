@@ -35,6 +35,7 @@ from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder
 from raycheck.grading.jail.sandbox import FIRST_USER, Jail, Tier
 from raycheck.grading.jail.watch import Finished
+from raycheck.grading.judge import _keep
 from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.submission import Handed, SubmissionError, may_have_pictures, open_submission
 from raycheck.grading.written import tables
@@ -280,6 +281,27 @@ def test_points_by_hand_are_for_somebody_and_once(tmp_path) -> None:
         io.StringIO(tables.grades_csv(asked, [], ["Ren\u00e9"], read("Rene\u0301;L1;3;late")))
     )
     assert (row["L1"], row["total"]) == ("3", "3") and "late" in row["comment"]
+
+
+def test_no_picture_sees_what_another_has_read(place: Path) -> None:
+    """Each gets files of its own, which share neither times nor what is in memory with those of the last."""
+    (folder := place / "submission").mkdir()
+    (folder / "part").mkdir()
+    written(folder / "part/data", "data").chmod(0o600)
+    written(folder / "render", "#!/bin/sh").chmod(0o700)
+    (folder / "link").symlink_to("part/data")
+    os.mkfifo(folder / "pipe")
+    refresh = _keep(folder)
+    seen = []
+    for _ in range(2):
+        found = (folder / "part/data").stat()
+        seen.append((found.st_ino, found.st_ctime_ns))
+        assert found.st_mode & 0o777 == 0o644 and (folder / "render").stat().st_mode & 0o777 == 0o755
+        assert (folder / "link").read_text() == "data" and not (folder / "pipe").exists()
+        written(folder / "part/left", "for the next")
+        refresh()
+        assert not (folder / "part/left").exists()
+    assert seen[0] != seen[1]
 
 
 def test_a_grading_that_is_ended_leaves_nothing(place: Path) -> None:
