@@ -135,6 +135,11 @@ def test_calls_reach_the_caller_alone(place: Path, tier: Tier) -> None:
 
 
 THREADED = {
+    "make": ("make -j2 && tar cf a.tar b c && cat b c | sort | wc -l && cp -a b d && mv d e", "Makefile", """\
+all: b c
+b c:
+	echo $@ >$@
+"""),
     "C": ("gcc -fopenmp -o a a.c && ./a", "a.c", """\
 #include <stdio.h>
 int main(void)
@@ -225,12 +230,12 @@ if (isMainThread) {
 } else parentPort.postMessage(7);
 """),
 }  # fmt: skip
-"""A threaded program by language: how it is built and run, its file and its text."""
+"""A build, and a threaded program by language: how it is built and run, its file and its text."""
 
 
 @pytest.mark.parametrize("tier", TIERS)
 @pytest.mark.parametrize("language", THREADED)
-def test_threaded_programs_of_all_languages_run(place: Path, tier: Tier, language: str) -> None:
+def test_builds_and_threaded_programs_of_all_languages_run(place: Path, tier: Tier, language: str) -> None:
     need(tier)
     command, name, text = THREADED[language]
     program = next(word for word in command.split() if "=" not in word)
