@@ -217,7 +217,7 @@ def test_pictures_of_another_variant_fail_with_a_plain_reason(handed_in) -> None
         return json.loads(text)["tasks"][0]["scenes"][0]["reason"]
 
     assert reason("pictures-of-another").startswith("the pictures show another student's variant")
-    assert reason("bomb") == "a.pfm: the image is 32×64 pixels, the scene asks for 64×64"
+    assert reason("bomb") == "“a.pfm”: the image is 32×64 pixels, the scene asks for 64×64"
 
 
 def test_each_student_gets_the_scene_that_is_graded(handed_in, tmp_path) -> None:
