@@ -256,11 +256,11 @@ def test_the_expected_class_is_compared_cell_by_cell(tmp_path) -> None:
 
 
 def test_the_expected_table_has_every_submission_of_the_example_class() -> None:
-    """Attacks have no points in it, the solved handout has all."""
+    """Attacks have no points in it, the honest program and the solved handout have all."""
     asked = read_assignment(ROOT / "docs/lecture12.toml")
     with (ROOT / "tests/example_class.csv").open(encoding="utf-8", newline="") as file:
         totals = {row["student"]: float(row["total"]) for row in csv.DictReader(file)}
     hostile = {one.name for one in attacks.read_attacks()} | attacks.ARCHIVES.keys()
     assert totals.keys() == example_class.writers(asked).keys() | hostile
     assert not any(totals[name] for name in hostile)
-    assert totals["handout-solved"] == asked.most and 0 < totals["honest"] < asked.most
+    assert totals["handout-solved"] == totals["honest"] == asked.most

@@ -203,6 +203,8 @@ def test_only_whole_pictures_of_one_layer_are_decoded(tmp_path) -> None:
         for name, words in refused.items():
             with pytest.raises(RenderError, match=words):
                 decoder.read(tmp_path / name, (4, 4))
+        write_exr(picture, dict.fromkeys(("R", "G", "B", "stderr.R", "stderr.G", "stderr.B"), one))
+        assert (decoder.read(picture, (4, 4)).pixels == 0.5).all()
         write_exr(picture, dict.fromkeys(("R", "G", "B", "A"), one), half=True)
         assert decoder.read(picture, (4, 4)).precision == "half"
 

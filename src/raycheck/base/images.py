@@ -22,6 +22,8 @@ from raycheck.base.files import whole
 MAX_PIXELS = 1 << 26
 """Larger images are refused before they are decoded."""
 MOST_PARTS = 1024
+ERRORS = ("stderr", "variance")
+"""Layers of a picture's own errors."""
 _WHOLE = re.compile(rb"[0-9]{1,9}")
 _NUMBER = re.compile(rb"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
@@ -243,8 +245,7 @@ def _layers(names: Sequence[str]) -> list[_Layer]:
         return [lower.index(name) for name in wanted] if all(name in lower for name in wanted) else []
 
     of_layer = [name[:-1] for name in lower if name == "r" or name.endswith(".r")]
-    of_errors = ("stderr", "variance")
-    prefixes = [p for p in dict.fromkeys(of_layer) if rgb(p) and p[:-1].split(".")[-1] not in of_errors]
+    prefixes = [p for p in dict.fromkeys(of_layer) if rgb(p) and p[:-1].split(".")[-1] not in ERRORS]
     return [
         _Layer(
             names[rgb(p)[0]][:-1].removesuffix("."), rgb(p),

@@ -19,7 +19,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from raycheck.base.errors import ImageError, RenderError
-from raycheck.base.images import Image, load_exr, load_image
+from raycheck.base.images import ERRORS, Image, load_exr, load_image
 from raycheck.base.text import plain
 from raycheck.grading.jail import folders
 from raycheck.grading.jail.apart import Apart, Broken
@@ -140,6 +140,7 @@ def _check_spec(size: tuple[int, int], spec: Any, parts: int) -> None:
     if spec.nchannels > MOST_CHANNELS or spec.depth > 1:
         raise RenderError(f"the image has {spec.nchannels} channels, at most {MOST_CHANNELS} are read")
     layers = {name.rpartition(".")[0] for name in spec.channelnames}
+    layers = {name for name in layers if name.rpartition(".")[2].lower() not in ERRORS}
     if parts > 1 or len(layers) > 1:
         raise RenderError(f"{{output}} has {max(parts, len(layers))} layers: a picture of one is needed")
 
