@@ -674,7 +674,7 @@ def test_a_class_is_graded_in_the_order_of_the_roster(graded: Path) -> None:
     }
     assert [row["student"] for row in rows][:3] == ["Jan de Vries", "nobody", "honest"]
     comments = {row["student"]: row["comment"] for row in rows}
-    assert comments["hopeless"].startswith("the build failed: exit status 1; it said: “")
+    assert comments["hopeless"].startswith("the build failed: exit status 1, it said: “")
     assert "point-light" not in comments["honest"]
 
 
