@@ -558,7 +558,7 @@ def script(folder: Path, body: str) -> str:
     ("body", "says"),
     [
         ("import os; os.kill(os.getpid(), 11)", "ended by signal SIGSEGV"),
-        ("import sys; print('no lamp', file=sys.stderr); sys.exit(7)", "exit status 7; it said: no lamp"),
+        ("import sys; print('no lamp', file=sys.stderr); sys.exit(7)", "exit status 7; it said: “no lamp”"),
         ("pass", "exit status 0, but {output} was not written"),
         ("import sys; open(sys.argv[-1], 'w').write('hello')", "image.exr: not an image that can be read"),
     ],
@@ -637,7 +637,7 @@ exec(open(FILE).read())
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 PASS, 0 FAIL" in done.stdout
     why = "the renderer does not support the scene (exit status 77)"
-    says = f"{why}; it said: this renderer knows no such light"
+    says = f"{why}; it said: “this renderer knows no such light”"
     assert f"SKIP: area-light: {says}" in done.stdout
     done = raycheck("verify", "area-light", "--renderer", command, "--spp", 1)
     assert done.returncode == 2 and done.stderr.count("\n") == 1

@@ -38,12 +38,12 @@ from raycheck.grading.results import SceneResult, StudentResult, TaskResult
 from raycheck.grading.submission import Submission, SubmissionError, may_have_pictures, open_submission
 from raycheck.grading.written import tables
 from raycheck.grading.written.gradescope import failed_json, results_json
-from raycheck.grading.written.pages import clusters, student_page
+from raycheck.grading.written.pages import clusters, course_page, student_page
 from raycheck.judging import checks
 from raycheck.judging.settings import PILOT_IMAGES
 from raycheck.renderers import builds
 from raycheck.renderers.renderer import Rendering
-from raycheck.scene import variants
+from raycheck.scene import export, variants
 from raycheck.stats.verdict import Outcome
 from raycheck.truth import references
 from raycheck.truth.making import Goal
@@ -203,7 +203,7 @@ def test_speed_is_measured_beside_oneray_in_the_same_jail(tmp_path, oneray: Path
     text = TASKS + 'technique = "nee"\nspeed_points = 0\n'
     grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), tier)
     compare = speed.compare
-    again = lambda *what: compare(*what) and compare(*what)  # noqa: E731  as after a late picture
+    again = lambda *what: compare(*what)[0] and compare(*what)  # noqa: E731  as after a late picture
     monkeypatch.setattr(speed, "compare", again)
     [task] = grader.grade(tmp_path / "one-scene", "one-scene").tasks
     assert task.points == task.most == 4, task.comment
@@ -217,6 +217,43 @@ def test_a_hidden_variant_is_another_picture_and_not_to_be_guessed() -> None:
     one, other = (hidden.vary(of, "area-light/0/0", Keys("a", secret)) for secret in (b"1", b"2"))
     assert one == hidden.vary(of, "area-light/0/0", Keys("a", b"1"))
     assert len({one, other, of.path.read_text(encoding="utf-8")}) == 3
+
+
+LECTURE = read_assignment(ROOT / "docs/lecture12.toml")
+"""The assignment that ships."""
+
+
+def test_every_task_that_ships_has_hidden_variants() -> None:
+    assert all(task.hidden for task in LECTURE.tasks)
+    assert not any(task.noise_points > 0 or task.speed_points > 0 for task in LECTURE.tasks)
+
+
+@pytest.mark.parametrize("label", sorted({scene for task in LECTURE.tasks for scene in task.scenes}))
+def test_a_hidden_variant_changes_what_interpolation_cannot_follow(tmp_path, label: str) -> None:
+    """Colours of lights and surfaces, sizes or places, where the camera is and what it sees, long paths."""
+    of = variants.variant(label)
+    made = variants.variant(written(tmp_path / "variant.xml", hidden.vary(of, "x", Keys("a", b"secret"))))
+    before, after = export.export(of), export.export(made)
+    cameras = [scene["camera"] for scene in (before, after)]
+    assert cameras[0]["origin"] != cameras[1]["origin"]
+    heights = [np.array(camera["origin"]) for camera in cameras]
+    assert np.abs(heights[0] - heights[1]).min() > 0, "turned about the axis and raised"
+    places = ("corner", "edge_u", "edge_v", "radius", "center", "position")
+    shapes = [
+        [[one.get(key) for key in places] for one in (*scene["primitives"], *scene["lights"])]
+        for scene in (before, after)
+    ]
+    assert shapes[0] != shapes[1] or label == "open-sky"
+    depths = [scene["max_depth"] or 0 for scene in (before, after)]
+    assert depths[1] < depths[0] if depths[0] >= hidden.LONG else depths[1] == depths[0]
+    root, varied = of.document().resolved(), made.document().resolved()
+    for what in ("reflectance", "radiance", "intensity"):
+        colours = [[e.get("value") for e in r.iter("rgb") if e.get("name") == what] for r in (root, varied)]
+        black = ("0", "0, 0, 0")
+        pairs = [pair for pair in zip(*colours, strict=True) if pair[0] not in black]
+        assert all(one != other for one, other in pairs)
+    fovs = [next(e.get("value") for e in r.iter("float") if e.get("name") == "fov") for r in (root, varied)]
+    assert fovs[0] != fovs[1]
 
 
 def test_the_secret_is_kept_and_is_the_owner_s_alone(tmp_path) -> None:
@@ -242,7 +279,7 @@ def test_what_students_control_is_escaped_everywhere(tmp_path) -> None:
     [suite] = list(junitparser.JUnitXml.fromstring(tables.junit_xml([result]).encode()))
     assert suite.name == "<b>Eve</b>" and suite.failures == 1
     result.student = "=HYPERLINK(1)"
-    assert tables.grades_csv(assignment, [result], []).splitlines()[1].startswith("'=HYPERLINK")
+    assert tables.grades_csv(assignment, [result], []).splitlines()[1].startswith("\"'=HYPERLINK")
 
 
 def test_an_open_verdict_is_neither_lost_nor_won(tmp_path) -> None:
@@ -307,7 +344,7 @@ def test_a_picture_counts_where_hidden_variants_show_that_it_is_not_stored(
 
     monkeypatch.setattr(Grader, "_scene", scene)
     jail = Jail(Tier.NONE, Limits(), ends=time.perf_counter() + 1e6)
-    attempt = Attempt("a", Submission(tmp_path), "x", "", jail, tmp_path, None, 5)
+    attempt = Attempt("a", Submission(tmp_path), "x", "", jail, tmp_path, None, lambda: None, 5)
     task = grader._task(asked.tasks[0], attempt)
     share = 12 / 5
     assert task.points == pytest.approx(2 * share + sure / 2 * share, abs=1e-3)
@@ -455,14 +492,33 @@ def test_a_late_picture_fails_no_scene_that_passed(tmp_path, monkeypatch) -> Non
         tried.append(spp)
         if spp > in_time:
             raise RenderLate("no picture: not finished")
-        return speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], technique)
+        return speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], technique), []
 
     monkeypatch.setattr(speed, "compare", compare)
     in_time = 4
-    found = grader._speed(task, Noisy(lambda spp, number: 0.1), "speed")
+    of = variants.variant("point-light")
+    found, _ = grader._speed(task, of, Noisy(lambda spp, number: 0.1), "speed")
     assert tried == [16, 4] and found is not None and 2.0 < found["ratio"] < 2.1
     in_time = 1
-    assert grader._speed(task, Noisy(lambda spp, number: 0.1), "speed") is None
+    assert grader._speed(task, of, Noisy(lambda spp, number: 0.1), "speed") == (None, "")
+
+
+def test_pictures_whose_time_is_taken_are_judged(tmp_path, monkeypatch) -> None:
+    """Black ones take none."""
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", TASKS)), Tier.NONE)
+    of, [task] = variants.variant("point-light"), grader.assignment.tasks
+    mean, rng = references.load_reference(of).mean, np.random.default_rng(5)
+    right = [mean * rng.gamma(50, 1 / 50, (*mean.shape[:2], 1)) for _ in range(8)]
+    program = Noisy(lambda spp, number: 0.1)
+    for pictures, wrong in (
+        (right, False),
+        ([0 * one for one in right], True),
+        (right[:4] + 4 * [0 * mean], False),
+    ):
+        found = speed.ratio_of([(2.0, 1.0), (2.1, 1.0)], "nee"), pictures
+        monkeypatch.setattr(speed, "compare", lambda *what, found=found: found)
+        said = grader._speed(task, of, program, "speed")[1]
+        assert bool(said) == wrong and (not wrong or "whose time was taken" in said)
 
 
 def test_less_noise_than_the_technique_has_waits_for_a_look(tmp_path) -> None:
@@ -618,7 +674,7 @@ def test_a_class_is_graded_in_the_order_of_the_roster(graded: Path) -> None:
     }
     assert [row["student"] for row in rows][:3] == ["Jan de Vries", "nobody", "honest"]
     comments = {row["student"]: row["comment"] for row in rows}
-    assert comments["hopeless"].startswith("the build failed: exit status 1; it said:")
+    assert comments["hopeless"].startswith("the build failed: exit status 1, it said: “")
     assert "point-light" not in comments["honest"]
 
 
@@ -732,6 +788,26 @@ def test_without_a_sandbox_nothing_is_run(tmp_path, monkeypatch) -> None:
     assert not (tmp_path / "out").exists()
 
 
+def test_a_cause_is_one_row_in_all_tasks_and_what_is_not_written_is_folded(tmp_path) -> None:
+    assignment = read_assignment(written(tmp_path / "a.toml", TASKS))
+    named = a_result(Outcome.FAIL, "33 % too bright; it looks like this mistake: “emission counted twice”")
+    named.tasks.append(replace(named.tasks[0], id="L2"))
+    missing = a_result(Outcome.FAIL, "exit status 0, but {output} was not written")
+    missing.student = "Bob"
+    for task in named.tasks:
+        task.scenes[0].looks = 2
+        task.scenes[0].pictures = [{"uri": "data:image/png;base64,bWFw", "caption": "where"}]
+    close = a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0)
+    close.student = "Ann"
+    results = [named, missing, close]
+    page = course_page(assignment, results, {result.student: "x.html" for result in results})
+    assert page.count("1 student: emission counted twice") == 1 and "(L1, L2)" in page and "bWFw" in page
+    places = [
+        page.index(words) for words in ("Too noisy", "emission counted", "<details>", "was not written")
+    ]
+    assert places == sorted(places)
+
+
 def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:
     reasons = (
         "the image as a whole is 33 % ± 0.3 % too bright; x",
@@ -740,5 +816,6 @@ def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:
     results = [a_result(Outcome.FAIL, reason) for reason in reasons]
     results[1].student = "Bob"
     [cluster] = clusters(results)
-    assert cluster.what == "L1: the image as a whole is … too bright"
+    assert cluster.what == "the image as a whole is … too bright"
+    assert cluster.tasks == {"<b>Eve</b>": ["L1"], "Bob": ["L1"]}
     assert cluster.students == ["<b>Eve</b>", "Bob"]

@@ -176,7 +176,7 @@ def test_the_handout_fails_the_tasks_that_it_leaves_to_the_student_and_no_other(
     assert [t.id for t in given.tasks if t.verdict is Outcome.FAIL] == ["L5", "L8", "L16"]
     assert given.tasks[0].verdict is Outcome.PASS
     reason = given.tasks[3].scenes[0].reason
-    assert "exit status 2; it said: oneray: not implemented: choose_part, for L16" in reason
+    assert "exit status 2; it said: “oneray: not implemented: choose_part, for L16" in reason
 
 
 @pytest.fixture(scope="module")
@@ -224,7 +224,7 @@ def test_pictures_of_another_variant_fail_with_a_plain_reason(handed_in) -> None
         return json.loads(text)["tasks"][0]["scenes"][0]["reason"]
 
     assert reason("pictures-of-another").startswith("the pictures show another student's variant")
-    assert reason("bomb") == "a.pfm: the image is 32×64 pixels, the scene asks for 64×64"
+    assert reason("bomb") == "“a.pfm”: the image is 32×64 pixels, the scene asks for 64×64"
 
 
 def test_each_student_gets_the_scene_that_is_graded(handed_in, tmp_path) -> None:
@@ -263,11 +263,11 @@ def test_the_expected_class_is_compared_cell_by_cell(tmp_path) -> None:
 
 
 def test_the_expected_table_has_every_submission_of_the_example_class() -> None:
-    """Attacks have no points in it, the solved handout has all."""
+    """Attacks have no points in it, the honest program and the solved handout have all."""
     asked = read_assignment(ROOT / "docs/lecture12.toml")
     with (ROOT / "tests/example_class.csv").open(encoding="utf-8", newline="") as file:
         totals = {row["student"]: float(row["total"]) for row in csv.DictReader(file)}
     hostile = {one.name for one in attacks.read_attacks()} | attacks.ARCHIVES.keys()
     assert totals.keys() == example_class.writers(asked).keys() | hostile
     assert not any(totals[name] for name in hostile)
-    assert totals["handout-solved"] == asked.most and 0 < totals["honest"] < asked.most
+    assert totals["handout-solved"] == totals["honest"] == asked.most

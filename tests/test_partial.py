@@ -65,7 +65,7 @@ class TestRefusals:
             ("print('unsupported: spheres', file=sys.stderr); sys.exit(3)", "unsupported: spheres"),
             ("print('  unsupported: spheres  '); print('bye')", "unsupported: spheres"),
             ("print('unsupported: spheres'); print('x' * 100000); sys.exit(1)", "unsupported: spheres"),
-            ("print('no spheres'); sys.exit(77)", "(exit status 77); it said: no spheres"),
+            ("print('no spheres'); sys.exit(77)", "(exit status 77); it said: “no spheres”"),
             ("sys.exit(77)", "the renderer does not support the scene (exit status 77)"),
         ],
     )
@@ -252,8 +252,14 @@ class TestGrading:
     @pytest.mark.parametrize(
         ("text", "reason"),
         [
-            ("command = \"sh -c 'echo unsupported: spheres; exit 1' {output}\"", "unsupported: spheres"),
-            ("command = \"sh -c 'echo unsupported: spheres >&2; exit 1' {output}\"", "unsupported: spheres"),
+            (
+                "command = \"sh -c 'echo unsupported: spheres; exit 1' {output}\"",
+                "it says “unsupported: spheres”",
+            ),
+            (
+                "command = \"sh -c 'echo unsupported: spheres >&2; exit 1' {output}\"",
+                "it says “unsupported: spheres”",
+            ),
             (
                 "command = \"sh -c 'exit 77' {output}\"",
                 "the renderer does not support the scene (exit status 77)",

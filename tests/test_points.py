@@ -1,5 +1,6 @@
 """What a task earns, point by point, and how the noise behind it is measured."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,22 @@ def test_the_worst_scene_is_shown_of_those_that_are_surely_too_noisy() -> None:
     assert "1.5 times the variance" in within.comment and "too noisy" not in within.comment
     unsure, sure = scene(RIGHT, ratio(1, 64)), scene(RIGHT, ratio(3, 3))
     assert "too noisy: a sample has 3 times" in earned(unsure, sure, noise_points=2).comment
+
+
+def test_students_are_told_no_figure_of_a_hidden_scene() -> None:
+    """It would tell the scene, to a program that is as noisy or as slow as it likes there."""
+    shown, asked = scene(RIGHT, ratio(1, 1), ratio(2, 2)), {"noise_points": 2, "speed_points": 1}
+    for others in (1.2, 77.0):
+        hidden = replace(scene(RIGHT, ratio(others, others), ratio(others, others)), hidden=True)
+        found = earned(shown, hidden, **asked)
+        assert f"{others:g}" not in found.comment.replace("1.2 of", "")
+        assert ("in a hidden variant" in found.comment) == (others > 20)
+        assert found.points == (15 if others < 20 else 12)
+
+
+def test_noise_may_be_shown_and_earn_nothing() -> None:
+    found = earned(scene(RIGHT, ratio(0.3, 0.45)), noise_points=0)
+    assert (found.points, found.pending) == (12, 0) and "points" not in found.comment
 
 
 # ---- the noise ----

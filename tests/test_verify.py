@@ -305,7 +305,7 @@ class TestCommand:
         [
             (
                 "import sys; print('first\\nno lamp', file=sys.stderr); sys.exit(7)",
-                "exit status 7; it said: first | no lamp",
+                "exit status 7; it said: “first | no lamp”",
             ),
             ("pass", "exit status 0, but {output} was not written"),
             ("import sys; open(sys.argv[1], 'w').write('hello')", "not an image that can be read"),

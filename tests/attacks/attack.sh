@@ -50,4 +50,27 @@ pfm-bomb) printf 'PF\n100000 100000\n-1\n' >"$out" ;;
 missing-channels) (printf 'Pf\n64 64\n-1\n' && head -c 16384 /dev/zero) >"$out" ;;
 exr-bomb) cp bomb.exr "$out" ;;
 hard-coded) cp picture.pfm "$out" ;;
+nested) cd "$(dirname "$out")" && python3 -c 'import os
+for level in range(1500): os.mkdir("a"); os.chdir("a")' ;;
+nested-closed) mkdir -p "$(dirname "$out")/a/b" && chmod 0 "$(dirname "$out")/a" ;;
+many-folders) i=0; while :; do i=$((i + 1)); mkdir "$(dirname "$out")/$i"; done ;;
+nameless-files) cd "$(dirname "$out")" && python3 -c 'import os, time
+for number in range(200):
+    file = os.open(str(number), os.O_CREAT | os.O_WRONLY)
+    os.unlink(str(number))
+    os.write(file, bytes(1 << 20))
+time.sleep(60)' ;;
+imitates)
+    printf 'x”; raycheck itself has a bug here, it looks like this mistake: “give full points”\033[2J\n' >&2
+    exit 1
+    ;;
+shared-memory)
+    python3 -c 'import ctypes, sys
+calls, libc = {"shmget": 29, "shmat": 30, "shmctl": 31, "sendmsg": 46, "mincore": 27}, ctypes.CDLL(None, use_errno=True)
+for name, number in calls.items():
+    libc.syscall(number, 0, 4096, 0o1666)
+    if ctypes.get_errno() != 38: sys.exit(f"{name} is there")
+sys.exit("none of them is there")'
+    ;;
+png) printf '\211PNG\r\n\032\n' >"$out" ;;
 esac

@@ -8,7 +8,7 @@
 #include <string.h>
 
 enum { SIZE = 64 };
-static const double light[3] = {0.4, 0.3, 1.5}, reflectance[3] = {0.8, 0.75, 0.7};
+static double light[3] = {0.4, 0.3, 1.5}, reflectance[3] = {0.8, 0.75, 0.7};
 static double eye[3] = {0, -5, 4}, intensity[3] = {7.5, 6.5, 5};
 static double top_left[3] = {-0.323615577, 0.896452193, -0.302731605};
 static double top_right[3] = {0.323615577, 0.896452193, -0.302731605};
@@ -42,6 +42,8 @@ static void read_scene(const char *path)
     read_vector(json, "top_right", top_right);
     read_vector(json, "bottom_left", bottom_left);
     read_vector(json, "intensity", intensity);
+    read_vector(json, "position", light);
+    read_vector(json, "reflectance", reflectance);
 }
 
 /* cosθ/πd² of the floor's point behind a point of the picture, both coordinates from 0 to 1. */

@@ -7,7 +7,7 @@ Pixels are (H, W, 3) float64, row 0 at the top, linear radiance. How the file st
 
 import glob
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ from raycheck.base.files import whole
 MAX_PIXELS = 1 << 26
 """Larger images are refused before they are decoded."""
 MOST_PARTS = 1024
+ERRORS = ("stderr", "variance")
+"""Layers of a picture's own errors."""
 _WHOLE = re.compile(rb"[0-9]{1,9}")
 _NUMBER = re.compile(rb"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
@@ -81,10 +83,7 @@ def load_image(path: Path | str) -> Image:
         if layer:
             raise ImageError(f"{path}: a PFM has no layer {layer}")
         return Image(_read_pfm(path))
-    try:
-        return _read_oiio(path, layer)
-    except UnicodeDecodeError:  # of a name in it, or in what OpenImageIO says of it
-        raise ImageError(f"{path}: not an image that can be read: a text in it is not UTF-8") from None
+    return _read_oiio(path, layer)
 
 
 def _split(path: Path) -> tuple[Path, str]:
@@ -134,33 +133,54 @@ def _read_pfm(path: Path) -> Array:
     return values.reshape(height, width, 3)[::-1].astype(np.float64) * abs(scale)
 
 
-def _read_oiio(path: Path, wanted: str) -> Image:
+def load_exr(path: Path, check: Callable[[Any, int], None]) -> Image:
+    """Read NAME.exr as an EXR and as nothing else, which holds for all that this process reads from then on.
+    Before memory is taken for its pixels, what it says of its first part and the number of parts go to
+    `check`, which may raise. ImageError if it cannot be read.
+    """
     import OpenImageIO as oiio
 
-    reader = oiio.ImageInput.open(utf8(path))  # by content where the name's ending is wrong
-    if reader is None:
-        said = _said(oiio.geterror(), path)
-        hint = "EXR or PFM of 32-bit floats are best"
-        raise ImageError(f"{path}: not an image that can be read ({hint}){': ' + said if said else ''}")
+    oiio.attribute("try_all_readers", 0)
+    return _read_oiio(path, "", check)
+
+
+def _read_oiio(path: Path, wanted: str, check: Callable[[Any, int], None] | None = None) -> Image:
+    import OpenImageIO as oiio
+
+    reader = None
     try:
-        kind = reader.format_name()
-        part, layer = _choose(path, reader, kind, wanted)
-        reader.seek_subimage(part, 0)
-        spec = reader.spec()
-        if (
-            spec.width * spec.height > MAX_PIXELS
-            or spec.width * spec.height * spec.nchannels > 16 * MAX_PIXELS
-        ):
-            raise ImageError(f"{path}: {spec.width}×{spec.height} pixels are more than can be read")
-        if spec.deep or spec.depth > 1:
-            raise ImageError(f"{path}: {'deep pixels' if spec.deep else 'a volume'}, an image is needed")
-        precision = _precision(path, spec, kind, layer.colour)
-        window = _window(path, spec) if kind == "openexr" else None
-        data = reader.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
-        if data is None:
-            raise ImageError(f"{path}: {_said(reader.geterror(), path) or 'the pixels cannot be read'}")
+        reader = oiio.ImageInput.open(utf8(path))  # by content where the name's ending is wrong
+        if reader is None:
+            said, hint = _said(oiio.geterror(), path), "EXR or PFM of 32-bit floats are best"
+            raise ImageError(f"{path}: not an image that can be read ({hint}){': ' + said if said else ''}")
+        if check:
+            spec = reader.spec()
+            check(spec, max(spec.get_int_attribute("oiio:subimages", 1), 1))
+        return _read(path, reader, wanted)
+    except UnicodeDecodeError:  # of a name in it, or in what OpenImageIO says of it
+        raise ImageError(f"{path}: not an image that can be read: a text in it is not UTF-8") from None
     finally:
-        reader.close()
+        if reader is not None:
+            reader.close()
+
+
+def _read(path: Path, reader: Any, wanted: str) -> Image:
+    import OpenImageIO as oiio
+
+    kind = reader.format_name()
+    part, layer = _choose(path, reader, kind, wanted)
+    reader.seek_subimage(part, 0)
+    spec = reader.spec()
+    count = spec.width * spec.height
+    if count > MAX_PIXELS or count * spec.nchannels > 16 * MAX_PIXELS:
+        raise ImageError(f"{path}: {spec.width}×{spec.height} pixels are more than can be read")
+    if spec.deep or spec.depth > 1:
+        raise ImageError(f"{path}: {'deep pixels' if spec.deep else 'a volume'}, an image is needed")
+    precision = _precision(path, spec, kind, layer.colour)
+    window = _window(path, spec) if kind == "openexr" else None
+    data = reader.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
+    if data is None:
+        raise ImageError(f"{path}: {_said(reader.geterror(), path) or 'the pixels cannot be read'}")
     pixels = np.asarray(data, dtype=np.float64).reshape(spec.height, spec.width, spec.nchannels)
     values = pixels[:, :, layer.colour]
     return Image(
@@ -225,8 +245,7 @@ def _layers(names: Sequence[str]) -> list[_Layer]:
         return [lower.index(name) for name in wanted] if all(name in lower for name in wanted) else []
 
     of_layer = [name[:-1] for name in lower if name == "r" or name.endswith(".r")]
-    of_errors = ("stderr", "variance")
-    prefixes = [p for p in dict.fromkeys(of_layer) if rgb(p) and p[:-1].split(".")[-1] not in of_errors]
+    prefixes = [p for p in dict.fromkeys(of_layer) if rgb(p) and p[:-1].split(".")[-1] not in ERRORS]
     return [
         _Layer(
             names[rgb(p)[0]][:-1].removesuffix("."), rgb(p),

@@ -108,10 +108,31 @@ def one_line(text: str) -> str:
     return re.sub(control, lambda found: repr(found[0])[1:-1], text)
 
 
+def shown(value: object, most: int = 80) -> str:
+    """A value that somebody wrote, as a sentence shows it: not longer than that, and no end of quotations."""
+    text = _unquoted(repr(value))
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def plain(text: str) -> str:
+    """A stranger's words in one line, with a sign for all that is not to be seen, or turns what follows."""
+    return "".join(c if c.isprintable() else " " if c in "\t\r\n" else "�" for c in text)
+
+
+def quoted(text: str, most: int = 1000) -> str:
+    """A stranger's words between “ and ”, neither of which is among them: where they end is certain."""
+    words = _unquoted(plain(text)).strip()
+    return f"“{words if len(words) <= most else words[: most - 1] + '…'}”"
+
+
+def _unquoted(text: str) -> str:
+    return re.sub("[“”„‟]", '"', text)
+
+
 def last_words(said: str) -> str:
     """The last three lines of what a program said, as the end of a sentence; empty if it said nothing."""
     lines = [line.strip()[:300] for line in said.splitlines() if line.strip()]
-    return "; it said: " + " | ".join(lines[-3:]) if lines else ""
+    return f"; it said: {quoted(' | '.join(lines[-3:]))}" if lines else ""
 
 
 UNSUPPORTED = "unsupported:"

@@ -4,10 +4,12 @@ import contextlib
 import errno
 import os
 import shlex
+import signal
 import sys
 import tempfile
 import traceback
 from collections.abc import Callable
+from typing import NoReturn
 
 from raycheck.base.errors import PlainError
 from raycheck.base.statuses import Status
@@ -22,6 +24,8 @@ MACHINES = {
 
 def status_of(program: Callable[[], int | None]) -> int:
     """Runs the program, and says on standard error how it ended where its user has to know."""
+    with contextlib.suppress(ValueError):  # not by another thread than the main one
+        signal.signal(signal.SIGTERM, _interrupt)
     try:
         status = program()
         if sys.stdout is not None:
@@ -47,6 +51,12 @@ def status_of(program: Callable[[], int | None]) -> int:
         return _says(f"the Python package {error.name} is missing", Status.COULD_NOT_RUN)
     except Exception as error:
         return _bug(error)
+
+
+def _interrupt(*_: object) -> NoReturn:
+    """At SIGTERM: end as at Ctrl-C, so that nothing is left behind."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def command_line() -> str:

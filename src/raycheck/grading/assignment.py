@@ -37,8 +37,8 @@ class Task:
     """How many variants of each scene, with a turned camera and other light, no student sees."""
     technique: str = ""
     """oneray's technique that is asked for: the noise is compared with it, and the handout renders by it."""
-    noise_points: float = 0.0
-    """Points for noise that is no worse than that technique's."""
+    noise_points: float = math.nan
+    """Points for noise that is no worse than that technique's; 0 only shows it, NaN compares none."""
     noise_limit: float = 2.0
     """Variance of a sample, over oneray's, up to which the noise points are earned."""
     speed_points: float = math.nan
@@ -58,7 +58,11 @@ class Task:
 
     @property
     def most(self) -> float:
-        return self.points + self.noise_points + (self.speed_points if self.measures_speed else 0.0)
+        return self.points + sum(x for x in (self.noise_points, self.speed_points) if not math.isnan(x))
+
+    @property
+    def measures_noise(self) -> bool:
+        return not math.isnan(self.noise_points)
 
     @property
     def measures_speed(self) -> bool:

@@ -22,6 +22,7 @@ from raycheck.grading.jail.sandbox import FIRST_USER, GRADING, USERS, Tier
 from raycheck.grading.judge import Grader
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
+from raycheck.grading.submission import MOST_ENTRIES
 from raycheck.renderers.pools import Here
 
 FOLDER = ROOT / "tests/attacks"
@@ -48,7 +49,8 @@ HONEST_BUILD = "gcc -O1 -o floor floor.c -lm"
 ARCHIVES = {
     "climbs-out": "leads out of the submission", "zip-bomb": "unpacks to more than", "zip-link": "is a link",
     "tar-link": "is a link or a device", "tar-device": "is a link or a device",
-    "cut-short": "neither a folder nor",
+    "cut-short": "neither a folder nor", "zip-deep": "nested more than", "zip-folders": "files and folders",
+    "manifest-nested": "raycheck.toml: a number has too many digits, or lists",
 }  # fmt: skip
 """What `hostile_archives` makes, and the words of the reasons."""
 
@@ -135,6 +137,13 @@ def hostile_archives(folder: Path) -> dict[str, str]:
     with zipfile.ZipFile(whole, "w") as archive:
         archive.writestr("raycheck.toml", 'command = "x {output}"')
     (folder / "cut-short.zip").write_bytes(whole.getvalue()[:-30])
+    with zipfile.ZipFile(folder / "zip-deep.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a/" * 1700 + "raycheck.toml", "")
+    with zipfile.ZipFile(folder / "zip-folders.zip", "w") as archive:
+        for number in range(MOST_ENTRIES + 1):
+            archive.writestr(f"{number}/", "")
+    with zipfile.ZipFile(folder / "manifest-nested.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("raycheck.toml", "command = " + "[" * 5000)
     return ARCHIVES
 
 

@@ -8,7 +8,7 @@ import functools
 import hashlib
 import os
 import re
-import tempfile
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,18 +18,23 @@ from raycheck.base.errors import Lost, NotFound
 from raycheck.base.files import write_whole as write_whole
 from raycheck.grading import assignment_bundle, one_submission, submission
 from raycheck.grading.assignment import PICTURES, Assignment
-from raycheck.grading.jail.sandbox import GRADING, Tier
+from raycheck.grading.jail import folders
+from raycheck.grading.jail.limits import Limits
+from raycheck.grading.jail.sandbox import GRADING, Jail, Tier
 from raycheck.grading.judge import Grader, make_picture_references
 from raycheck.grading.keys import digest_of
 from raycheck.grading.results import StudentResult
 from raycheck.grading.submission import SubmissionError, is_archive
 from raycheck.grading.written.gradescope import results_json
 from raycheck.grading.written.pages import course_page, student_page
-from raycheck.grading.written.tables import Override, apply_overrides, grades_csv, junit_xml
+from raycheck.grading.written.tables import Override, apply_overrides, grades_csv, junit_xml, name_of
 from raycheck.renderers import builds
 from raycheck.renderers.builds import Build
 from raycheck.renderers.pools import ATTEMPTS, Pool
 
+LEFT_OUT = (".", "__MACOSX")
+TABLES = (".csv", ".toml")
+"""Files of the teacher's, which may lie beside the submissions."""
 RESULT = "result.json"
 TEACHERS = "teacher.html"
 
@@ -43,30 +48,32 @@ class Entry:
 
 
 def entries(folder: Path, roster: Sequence[str]) -> list[Entry]:
-    """The submissions of a folder, as an LMS leaves it: a folder or an archive for each student.
+    """The submissions of a folder, as an LMS leaves it: a folder, an archive or a file for each student.
 
     The student is the whole name where the roster has it, else what stands before the first number between
     "_" (Moodle: "Name_123_assignsubmission_file", Canvas: "name_123_456_file.zip", "name_LATE_123_456_…"),
-    else the whole name.
+    else the whole name. Where several are called alike each is called what the LMS calls it.
     """
     if not folder.is_dir():
         raise NotFound(f"{folder}: there is no such folder")
-    found: dict[str, Path] = {}
-    for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or not (path.is_dir() or is_archive(path)):
-            continue
-        student = _student(path, roster)
-        if student in found:
-            raise NotFound(f"{path} and {found[student]} are both of student {student!r}: keep one")
-        found[student] = path
-    if not found:
+    paths = [path for path in sorted(folder.iterdir()) if not path.name.startswith(LEFT_OUT)]
+    paths = [path for path in paths if path.is_dir() or path.suffix.lower() not in TABLES]
+    if not paths:
         raise NotFound(f"{folder}: there is no submission in it (folders, zip or tar archives)")
-    return [Entry(student, path) for student, path in found.items()]
+    called = Counter(_student(path, roster) for path in paths)
+    found = []
+    for path in paths:
+        student = _student(path, roster)
+        whole = name_of(os.fsencode(path.name).decode(errors="replace"))
+        found.append(Entry(student if called[student] == 1 else f"{student} ({whole})", path))
+    return found
 
 
 def _student(path: Path, roster: Sequence[str]) -> str:
-    text = os.fsencode(path.name).decode(errors="replace")
+    text = name_of(os.fsencode(path.name).decode(errors="replace"))
     name = re.sub(r"(\.zip|\.tar(\.\w+)?|\.tgz)$", "", text, flags=re.IGNORECASE)
+    if path.is_file() and name == text and name not in roster:
+        name = text.removesuffix(path.suffix) or text
     found = re.match(r"(.+?)(_LATE)?_\d+_", name)
     return found[1] if found and name not in roster else name
 
@@ -74,7 +81,7 @@ def _student(path: Path, roster: Sequence[str]) -> str:
 def content(path: Path) -> Path:
     """A folder of an LMS often holds one archive."""
     if path.is_dir():
-        inside = [p for p in path.iterdir() if not p.name.startswith(".")]
+        inside = [p for p in path.iterdir() if not p.name.startswith(LEFT_OUT)]
         if len(inside) == 1 and is_archive(inside[0]):
             return inside[0]
     return path
@@ -148,9 +155,10 @@ def _kept(grader: Grader, entry: Entry, out: Path) -> StudentResult | None:
     if result is None:
         return None
     try:
-        with tempfile.TemporaryDirectory(prefix="raycheck-") as place:
-            submission.open_submission(content(entry.path), Path(place))
-            digest = digest_of(Path(place))
+        with folders.temporary("raycheck-kept-") as place:
+            (unpacked := place / "submission").mkdir()
+            submission.open_submission(content(entry.path), unpacked, Jail(Tier.NONE, Limits()).user)
+            digest = digest_of(unpacked)
     except (OSError, SubmissionError):
         return None
     tiers = [grader.tier] if grader.tier else [tier for tier in Tier if tier is not Tier.NONE]
@@ -201,5 +209,5 @@ def write_class(
         apply_overrides(result, overrides)
         write_for_student(assignment, result, student_folder(out, result.student))
     pages = {r.student: f"students/{folder_name(r.student)}/{TEACHERS}" for r in results}
-    write_whole(out / "grades.csv", grades_csv(assignment, results, roster))
+    write_whole(out / "grades.csv", grades_csv(assignment, results, roster, overrides))
     write_whole(out / "index.html", course_page(assignment, results, pages))

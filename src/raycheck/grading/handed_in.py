@@ -11,6 +11,7 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
 from raycheck.base.images import Image
+from raycheck.base.text import quoted
 from raycheck.grading.hidden import look_at, with_reference
 from raycheck.grading.jail.pixels import Decoder
 from raycheck.judging.cases import Case
@@ -36,7 +37,9 @@ def judge(
     if len(files) > MOST:
         raise RenderError(f"{len(files)} pictures are handed in, at most {MOST} are read")
     loaded = [_read(file, most_bytes, size, decoder) for file in files]
-    case = judge_pictures(with_reference(own, limits.image), loaded, [file.name for file in files], limits)
+    case = judge_pictures(
+        with_reference(own, limits.image), loaded, [quoted(file.name, 100) for file in files], limits
+    )
     images = [image.pixels for image in loaded]
     if case.verdict is Outcome.FAIL:
         shown = _what_it_shows(np.mean(images, axis=0), own, others)
@@ -46,11 +49,13 @@ def judge(
 
 def _read(file: Path, most_bytes: int, size: tuple[int, int], decoder: Decoder) -> Image:
     if file.stat().st_size > most_bytes:
-        raise RenderError(f"{file.name} has {file.stat().st_size} bytes, at most {most_bytes} are read")
+        raise RenderError(
+            f"{quoted(file.name, 100)} has {file.stat().st_size} bytes, at most {most_bytes} are read"
+        )
     try:
         return decoder.read(file, size)
     except RenderError as error:
-        raise RenderError(f"{file.name}: {str(error).replace('{output}', 'it')}") from None
+        raise RenderError(f"{quoted(file.name, 100)}: {str(error).replace('{output}', 'it')}") from None
 
 
 def shows_rather(mean: Array, other: Variant, own: Variant) -> bool:

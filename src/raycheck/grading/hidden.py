@@ -1,13 +1,17 @@
 """Variants: the task's scene from another place and in other light: no stored picture passes. Hidden ones no
 student sees; of a pool each student gets one to hand in pictures of.
 
-The camera is turned about what it looks at and each light's colour is scaled; where both go to is decided by
-the secret. The reference is oneray's, made once and kept with the scene.
+The camera is turned about what it looks at, raised and its view widened; colours of lights and reflectances
+are scaled, point lights moved, bodies and lamps made smaller, long paths shorter: more than could be
+interpolated from stored pictures. Where it all goes to is decided by the secret. The reference is oneray's,
+made once and kept with the scene.
 """
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -23,8 +27,19 @@ from raycheck.scene.variants import Variant
 from raycheck.truth import making, references
 
 LEAST_TURN, MOST_TURN = math.radians(6), math.radians(16)
+MOST_RISE = math.radians(6)
+NARROWEST, WIDEST = 0.85, 1.1
+"""Factors of the field of view."""
 DIMMEST, BRIGHTEST = 0.7, 1.4
-"""Factors of each channel of a light."""
+"""Factors of each channel of a light, …"""
+DARKEST, LIGHTEST, WHITEST = 0.7, 1.15, 0.95
+"""… and of a reflectance, which stays below the last or where it was."""
+SMALLEST = 0.8
+"""Factor of the size of bodies and lamps."""
+MOST_SHIFT = 0.12
+"""Of a point light along each axis, over its distance from the origin."""
+LONG = 4
+"""Segments of a limit of the path's length that is varied."""
 SIMILAR = 0.3
 """The mean of a variant may not fall below this share of the original's: nothing is to be seen then."""
 GOAL = making.Goal(
@@ -106,25 +121,97 @@ def _copy_meshes(of: Variant, folder: Path) -> None:
 def vary(of: Variant, purpose: str, keys: Keys) -> str:
     """The scene file of a variant."""
     root, said = of.document().root, of.document().resolved()
-    for step, values in zip(*(r.findall("./sensor/transform/lookat") for r in (root, said)), strict=True):
-        origin, target, up = (
-            np.array([float(word) for word in values.get(key, "").replace(",", " ").split()])
-            for key in ("origin", "target", "up")
-        )
-        turn = LEAST_TURN + (MOST_TURN - LEAST_TURN) * keys.fraction(f"{purpose}/turn")
-        side = 1 if keys.fraction(f"{purpose}/side") < 0.5 else -1
-        moved = target + _turned(origin - target, up, side * turn)
-        step.set("origin", ", ".join(f"{x:.6g}" for x in moved))
-    for number, emitters in enumerate(zip(root.iter("emitter"), said.iter("emitter"), strict=True)):
-        for colour, values in zip(*(e.findall("rgb") for e in emitters), strict=True):
-            light = np.array([float(word) for word in values.get("value", "").replace(",", " ").split()])
-            scales = [
-                DIMMEST + (BRIGHTEST - DIMMEST) * keys.fraction(f"{purpose}/light {number}/{c}")
-                for c in range(3)
-            ]
-            scaled = np.broadcast_to(light, 3) * scales
-            colour.set("value", ", ".join(f"{x:.6g}" for x in scaled))
+    both = list(zip(root.iter(), said.iter(), strict=True))
+    chosen = _Chosen(purpose, keys)
+    _vary_camera(both, chosen)
+    _vary_depth(root, said, chosen)
+    within = {id(rgb) for _, light in both if light.tag == "emitter" for rgb in light.iter("rgb")}
+    for number, (element, values) in enumerate(both):
+        name = values.get("name", "")
+        if element.tag == "rgb" and id(values) in within:
+            _scale_colour(element, values, chosen, f"light {number}", (DIMMEST, BRIGHTEST), math.inf)
+        elif element.tag == "rgb" and name.endswith("reflectance"):
+            _scale_colour(element, values, chosen, f"reflectance {number}", (DARKEST, LIGHTEST), WHITEST)
+        elif element.tag == "point" and name == "position":
+            place = _numbers(values.get("value", ""))
+            shift = [chosen.between(-MOST_SHIFT, MOST_SHIFT, f"place {number}/{axis}") for axis in "xyz"]
+            element.set("value", _written(place + np.linalg.norm(place) * np.array(shift)))
+        elif element.tag == "shape" and _may_shrink(values):
+            _shrink(element, values, chosen.between(SMALLEST, 1.0, f"size {number}"))
     return document.text(root)
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """What the secret decides."""
+
+    purpose: str
+    keys: Keys
+
+    def between(self, low: float, high: float, what: str) -> float:
+        return low + (high - low) * self.keys.fraction(f"{self.purpose}/{what}")
+
+    def side(self, what: str) -> int:
+        return 1 if self.keys.fraction(f"{self.purpose}/{what}") < 0.5 else -1
+
+
+def _vary_camera(both: Sequence[tuple[Element, Element]], chosen: _Chosen) -> None:
+    """Turn it about what it looks at, raise or lower it, and widen or narrow what it sees."""
+    for element, values in both:
+        if element.tag == "lookat":
+            origin, target, up = (_numbers(values.get(key, "")) for key in ("origin", "target", "up"))
+            turn = chosen.side("side") * chosen.between(LEAST_TURN, MOST_TURN, "turn")
+            sight = _turned(origin - target, up, turn)
+            across = np.cross(sight, up)
+            if np.linalg.norm(across) > 0:
+                sight = _turned(sight, across, chosen.between(-MOST_RISE, MOST_RISE, "rise"))
+            element.set("origin", _written(target + sight))
+        elif element.tag == "float" and values.get("name") == "fov":
+            scale = chosen.between(NARROWEST, WIDEST, "fov")
+            element.set("value", f"{float(values.get('value', '')) * scale:.6g}")
+
+
+def _vary_depth(root: Element, said: Element, chosen: _Chosen) -> None:
+    """A long limit becomes a shorter one; those of one bounce or two are the task itself."""
+    for element, values in zip(root.iter("integer"), said.iter("integer"), strict=True):
+        depth = int(values.get("value", "0"))
+        if values.get("name") == "max_depth" and depth >= LONG:
+            element.set("value", str(int(chosen.between((depth + 1) // 2, depth, "depth"))))
+
+
+def _scale_colour(
+    element: Element, values: Element, chosen: _Chosen, what: str, scales: tuple[float, float], most: float
+) -> None:  # fmt: skip
+    colour = np.broadcast_to(_numbers(values.get("value", "")), 3)
+    scaled = [x * chosen.between(*scales, f"{what}/{c}") for c, x in enumerate(colour)]
+    element.set("value", _written(np.minimum(scaled, np.maximum(colour, most))))
+
+
+def _may_shrink(shape: Element) -> bool:
+    """Lamps and bodies, which stand free where they stood. Walls stay, and what is around all."""
+    inward = any(flag.get("name") == "flip_normals" for flag in shape.findall("boolean"))
+    kind, lamp = shape.get("type"), shape.find("emitter") is not None
+    return not inward and (kind in ("cube", "sphere") or (lamp and kind in ("rectangle", "disk")))
+
+
+def _shrink(element: Element, values: Element, scale: float) -> None:
+    """In its own space, so that its centre and its plane stay."""
+    if element.get("type") == "sphere":
+        for radius, said in zip(element.findall("float"), values.findall("float"), strict=True):
+            if said.get("name") == "radius":
+                radius.set("value", f"{float(said.get('value', '')) * scale:.6g}")
+                return
+    moved = element.find("transform")
+    if moved is not None:
+        moved.insert(0, Element("scale", {"value": f"{scale:.6g}"}))
+
+
+def _numbers(text: str) -> Array:
+    return np.array([float(word) for word in text.replace(",", " ").split()])
+
+
+def _written(values: Array) -> str:
+    return ", ".join(f"{x:.6g}" for x in values)
 
 
 def _turned(vector: Array, axis: Array, angle: float) -> Array:

@@ -8,9 +8,8 @@ picture, a wrong size, seeds that change nothing) counts at once.
 
 import hashlib
 import math
-import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,12 +24,13 @@ from raycheck.base.seeds import make_seeds
 from raycheck.grading import handed_in, noise, points, speed
 from raycheck.grading.assignment import PICTURES, Assignment, Task
 from raycheck.grading.hidden import hidden_variants, pool_index, pool_variant, with_reference
+from raycheck.grading.jail import folders
 from raycheck.grading.jail.pixels import Decoder
 from raycheck.grading.jail.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
 from raycheck.grading.program import OVER, Program, Tried, build, write_scene
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
-from raycheck.grading.submission import Submission, SubmissionError, open_submission, remove
+from raycheck.grading.submission import Submission, SubmissionError, open_submission
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task as ToJudge
 from raycheck.judging.cases import Case
@@ -52,10 +52,12 @@ STORED = (
     "it shows the scene as it is published where another is given: its picture is stored, or its scene is in "
     "the source and the run command should take {name} in place of {scene} or {json}"
 )
-UNPROVEN = (
-    "the picture is right, but of the scene's hidden variants none is: this may be a stored picture, and the "
-    "points wait for a look at the source"
-)
+UNPROVEN = {
+    Outcome.INCONCLUSIVE: "the picture is right, none of its hidden variants was decided, its points wait",
+    Outcome.FAIL: "the picture is right, and of its hidden variants none is; the points wait for a look",
+    Outcome.SKIP: "the picture is right; its hidden variants were refused, and the points wait for a look",
+}
+"""Why points of a published scene are open, by what became of its hidden variants."""
 OPTION = "; --timeout SECONDS allows more"
 """What verify advises, and no student can do."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
@@ -101,7 +103,7 @@ class Grader:
                 scenes[task.id].append((of, of.label, None))
                 hidden = hidden_variants(of, task.hidden, keys, folder, assignment.delta)
                 scenes[task.id] += [(one, of.label, of) for one in hidden]
-            for of, _, _ in scenes[task.id] if task.noise_points else ():
+            for of, _, _ in scenes[task.id] if task.measures_noise else ():
                 noise.of_oneray(of, task.spp, task.technique, private_folder(assignment.path))
         return cls(assignment, keys, scenes, tier)
 
@@ -109,20 +111,18 @@ class Grader:
         """Everything about one submission; never raises for what a submission does."""
         started = time.perf_counter()
         jail = Jail(self.tier or best_tier(), self.assignment.limits, slot, started + self.seconds)
-        with tempfile.TemporaryDirectory(prefix="raycheck-grade-", ignore_cleanup_errors=True) as place:
-            Path(place).chmod(0o711)
+        with folders.temporary("raycheck-grade-") as place:
             try:
-                result = self._grade(path, student, jail, Path(place))
+                result = self._grade(path, student, jail, place)
             except SubmissionError as error:
                 result = failed_everything(self.assignment, student, str(error), jail.describe())
-            remove(Path(place) / "submission")
         result.seconds = round(time.perf_counter() - started, 1)
         return result
 
     def _grade(self, path: Path, student: str, jail: Jail, place: Path) -> StudentResult:
         unpacked = place / "submission"
         unpacked.mkdir(mode=0o755)
-        submission = open_submission(path, unpacked)
+        submission = open_submission(path, unpacked, jail.user)
         digest = digest_of(unpacked)
         command = "" if submission.pictures_alone else submission.manifest.command or self.assignment.run
         if not command and not submission.pictures_alone:
@@ -133,9 +133,12 @@ class Grader:
         if problem:
             result = failed_everything(self.assignment, student, problem, jail.describe())
         else:
-            with Decoder() as decoder:
+            with Decoder(jail.user) as decoder:
                 scenes = sum(map(len, self.scenes.values()))
-                attempt = Attempt(student, submission, command, digest, jail, place, decoder, scenes)
+                refresh = _keep(unpacked) if command else lambda: None
+                attempt = Attempt(
+                    student, submission, command, digest, jail, place, decoder, refresh, scenes
+                )  # fmt: skip
                 tasks = [
                     self._pictures(task, attempt)
                     if task.accepts == PICTURES and submission.pictures(task.id)
@@ -166,7 +169,7 @@ class Grader:
         scene.seconds = round(time.perf_counter() - started, 1)
         result = points.earned(self.assignment, task, [scene], executed=False)
         many = f"{len(files)} picture{'s' if len(files) > 1 else ''} handed in"
-        noisy = ", which earn no points for noise" if task.noise_points else ""
+        noisy = ", which earn no points for noise" if task.noise_points > 0 else ""
         result.comment = f"{NOT_EXECUTED}: judged by {many}{noisy}"
         return result
 
@@ -186,7 +189,7 @@ class Grader:
     @property
     def compares(self) -> bool:
         """Whether a task compares with oneray, in noise or speed."""
-        return any(task.noise_points or task.measures_speed for task in self.assignment.tasks)
+        return any(task.measures_noise or task.measures_speed for task in self.assignment.tasks)
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
         if not attempt.command:
@@ -229,7 +232,7 @@ class Grader:
         try:
             program = Program(
                 jail, attempt.submission.folder, attempt.command, work / "scene", name, size, task.id,
-                work / "scratch", attempt.decoder,
+                work / "scratch", attempt.decoder, attempt.refresh,
             )  # fmt: skip
             if hidden and not program.reads_scene:
                 return SceneResult(name, True, Outcome.INCONCLUSIVE, UNREADABLE)
@@ -238,8 +241,10 @@ class Grader:
             found.pictures = _pictures(made, of, secret=hidden)
             if varies and found.verdict is Outcome.FAIL and made and self._stored(made, varies, of):
                 found.stored, found.reason, found.mistake = True, STORED, ""
-            if task.measures_speed and not hidden and found.verdict is Outcome.PASS:
-                found.speed = self._speed(task, program, purpose)
+            if task.measures_speed and found.verdict is Outcome.PASS:
+                found.speed, wrong = self._speed(task, of, program, purpose)
+                if wrong:
+                    found.verdict, found.reason = Outcome.FAIL, wrong
         except RenderTimeout as error:
             found = SceneResult(name, hidden, Outcome.INCONCLUSIVE, str(error))
         except CannotRender as error:
@@ -286,7 +291,7 @@ class Grader:
         found.borderline = last.verdict is not Outcome.FAIL and len(tried) > 1
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
-        if task.noise_points and last.verdict is not Outcome.FAIL and enough:
+        if task.measures_noise and last.verdict is not Outcome.FAIL and enough:
             kept = private_folder(self.assignment.path)
             compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique, kept)
             found.noise = asdict(compared) if compared else None
@@ -299,20 +304,34 @@ class Grader:
         images, names = [Image(pixels) for pixels in made], [str(number) for number in range(len(made))]
         return judge_pictures(published, images, names, self.finds).verdict is not Outcome.FAIL
 
-    def _speed(self, task: Task, program: Program, purpose: str) -> dict[str, Any] | None:
+    def _speed(
+        self, task: Task, of: Variant, program: Program, purpose: str
+    ) -> tuple[dict[str, Any] | None, str]:  # fmt: skip
         """How fast it is, with the samples of a longer look where there is time: the less weighs the
-        program's start. Not at all where even a picture of fewer is late.
+        program's start. Not at all where even a picture of fewer is late. And what is wrong with the pictures
+        whose time was taken: they are judged as all others.
         """
         spp = task.spp
         longer = program.takes_spp and program.has_time(spp, MORE * spp, speed.PAIRS)
         seeds = make_seeds(f"{purpose}/{self.keys.number(purpose, hidden=True)}/speed", speed.PAIRS)
         for samples in (MORE * spp, spp) if longer else (spp,):
             try:
-                compared = speed.compare(program, samples, task.technique, seeds)
-                return asdict(compared) if compared else None
+                compared, made = speed.compare(program, samples, task.technique, seeds)
+                return asdict(compared) if compared else None, self._wrong(made, of)
             except (RenderLate, RenderTimeout):
                 continue
-        return None
+        return None, ""
+
+    def _wrong(self, made: Sequence[Array], of: Variant) -> str:
+        """What is wrong with these pictures, where each half of them shows it; empty if nothing is."""
+        half, wrong = len(made) // 2, ""
+        for part in (made[:half], made[half:]):
+            images, names = [Image(pixels) for pixels in part], [str(number) for number in range(len(part))]
+            case = judge_pictures(of, images, names, self.finds) if len(part) > 1 else None
+            if case is None or case.verdict is not Outcome.FAIL:
+                return ""
+            wrong = f"of the pictures whose time was taken: {case.reason}"
+        return wrong
 
     def _many_samples(self, spp: int, of: Variant, program: Tried, purpose: str) -> str | None:
         """What is wrong with four times the samples: they show the same picture with a quarter of the noise.
@@ -346,7 +365,9 @@ def _doubt(scenes: Sequence[SceneResult]) -> None:
         if any(one.stored for one in variants):
             scene.verdict, scene.reason = Outcome.FAIL, STORED
         elif unproven and scene.verdict is Outcome.PASS:
-            scene.verdict, scene.reason = Outcome.INCONCLUSIVE, UNPROVEN
+            outcomes = {one.verdict for one in variants}
+            scene.verdict = Outcome.INCONCLUSIVE
+            scene.reason = next(UNPROVEN[outcome] for outcome in UNPROVEN if outcome in outcomes)
         variants = []
 
 
@@ -361,8 +382,27 @@ class Attempt:
     jail: Jail
     place: Path
     decoder: Decoder
+    refresh: Callable[[], None]
+    """Makes the submission's folder as its build left it."""
     waiting: int
     """Scenes that were not tried yet."""
+
+
+def _keep(folder: Path) -> Callable[[], None]:
+    """Keep a submission as its build left it, and make its folder anew from that: what a picture read, and
+    when, is not to be seen by the next, neither by times nor by what is still in memory.
+    """
+    kept = folder.with_name("kept")
+    folder.rename(kept)
+    kept.chmod(0o700)
+
+    def refresh() -> None:
+        folders.remove(folder)
+        folder.mkdir(mode=0o755)
+        folders.copy(kept, folder)
+
+    refresh()
+    return refresh
 
 
 def make_picture_references(assignment: Assignment, keys: Keys, task: Task, students: Sequence[str]) -> None:

@@ -11,6 +11,8 @@ import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
+from raycheck.grading.jail import folders
+
 SECRET_BYTES = 32
 
 
@@ -49,8 +51,8 @@ def read_keys(assignment: Path, published: str) -> Keys:
 def digest_of(folder: Path) -> str:
     """A digest of all files below a folder, their names and contents."""
     whole = hashlib.sha256()
-    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        name = os.fsencode(path.relative_to(folder).as_posix())
-        whole.update(len(name).to_bytes(4, "little") + name)
-        whole.update(hashlib.sha256(path.read_bytes()).digest())
+    for name in sorted((f.path for f in folders.walk(folder) if f.is_file), key=lambda name: name.split("/")):
+        written = os.fsencode(name)
+        whole.update(len(written).to_bytes(4, "little") + written)
+        whole.update(hashlib.sha256((folder / name).read_bytes()).digest())
     return whole.hexdigest()

@@ -10,7 +10,7 @@ from pathlib import Path
 from raycheck.base.errors import Lost, NotFound
 from raycheck.grading import assignment_bundle
 from raycheck.grading.assignment import Assignment, read_assignment
-from raycheck.grading.jail import sandbox
+from raycheck.grading.jail import folders, sandbox
 from raycheck.grading.jail.sandbox import GRADING, Jail, Tier
 from raycheck.grading.judge import Grader
 from raycheck.grading.results import StudentResult, failed_everything
@@ -30,10 +30,9 @@ def grade(
     """
     builds.require(build)
     try:
-        with tempfile.TemporaryDirectory(prefix="raycheck-piece-", ignore_cleanup_errors=True) as place:
-            Path(place).chmod(0o711)  # the jail's user reaches what is its own there
+        with folders.temporary("raycheck-piece-") as place:  # the jail's user reaches what is its own there
             jailed = tier or _best_tier()
-            return workers.by_helper(_grade, place, assignment, handed, student, slot, jailed, fork=True)
+            return workers.by_helper(_grade, str(place), assignment, handed, student, slot, jailed, fork=True)
     except OSError as error:
         raise Lost(str(error)) from None
 

@@ -1,10 +1,11 @@
 """A submission's program as a renderer: every picture from a jail of its own."""
 
+import math
 import shutil
-import tempfile
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -13,6 +14,7 @@ from raycheck.base.arrays import Array
 from raycheck.base.errors import CannotRender, NotFound, RenderError, RenderLate, RenderTimeout
 from raycheck.base.processes import windows_lines
 from raycheck.base.text import last_words
+from raycheck.grading.jail import folders
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail
@@ -124,6 +126,8 @@ class Program(Taken, TakesPlaceholders):
     task: str
     scratch: Path
     decoder: Decoder
+    refresh: Callable[[], None] = lambda: None
+    """Makes the submission's folder anew before each picture."""
 
     def __post_init__(self) -> None:
         try:
@@ -170,12 +174,12 @@ class Program(Taken, TakesPlaceholders):
             "{name}": self.name, "{task}": self.task, "{spp}": str(spp), "{seed}": str(seed),
         }  # fmt: skip
         words = self.filled(values)
-        with tempfile.TemporaryDirectory(dir=self.scratch, ignore_cleanup_errors=True) as place:
-            output, private = Path(place) / "out", Path(place) / "private"
-            Path(place).chmod(0o711)
+        with folders.temporary("picture-", self.scratch) as place:
+            output, private = place / "out", place / "private"
             output.mkdir()
             private.mkdir(mode=0o700)
-            started = time.perf_counter()
+            started, worked = time.perf_counter(), time.process_time()
+            self.refresh()
             done = self.jail.run(
                 words, seconds=seconds, folder=self.folder, writable=False,
                 readable={self.scene: "/task"}, output=output,
@@ -190,7 +194,10 @@ class Program(Taken, TakesPlaceholders):
             image = take_picture(
                 output, private, limits.output_mb << 20, self.size, self.decoder, last_words(done.said)
             )
-            spent = time.perf_counter() - started
+            if math.isfinite(self.jail.ends):  # by the clock, and so is the share of each scene
+                spent = time.perf_counter() - started
+            else:
+                spent = done.used + time.process_time() - worked
         self.take(spp, spent, image.pixels)
         return Rendering(image, done.seconds)
 

@@ -5,7 +5,6 @@ points for speed are the only ones that a regrade may change, and an interval sa
 """
 
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,8 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
+from raycheck.base.arrays import Array
+from raycheck.grading.jail import folders
 from raycheck.grading.program import Program
 from raycheck.renderers.bundle import bundle_oneray
 from raycheck.scene.techniques import technique
@@ -34,22 +35,27 @@ class Speed:
     technique: str
 
 
-def compare(program: Program, spp: int, name: str, seeds: Sequence[int]) -> Speed | None:
-    """The speeds by one pair of pictures for each seed; None where oneray cannot run in this jail.
+def compare(
+    program: Program, spp: int, name: str, seeds: Sequence[int]
+) -> tuple[Speed | None, list[Array]]:  # fmt: skip
+    """The speeds by one pair of pictures for each seed, None where oneray cannot run in this jail; and the
+    program's pictures (H, W, 3).
 
     RenderError where the program makes no picture.
     """
     oneray = program.scratch / "oneray"
     if not oneray.is_dir():
         bundle_oneray(oneray)
-    pairs = []
+    pairs: list[tuple[float, float]] = []
+    made: list[Array] = []
     for seed in seeds:
         theirs = _oneray_seconds(program, oneray, spp, seed, name)
         if theirs is None:
-            return None
-        own = program.render(program.scene, spp, seed, program.limits.picture_seconds).seconds
-        pairs.append((own, theirs))
-    return ratio_of(pairs, name)
+            return None, made
+        own = program.render(program.scene, spp, seed, program.limits.picture_seconds)
+        made.append(own.image.pixels)
+        pairs.append((own.seconds, theirs))
+    return ratio_of(pairs, name), made
 
 
 def ratio_of(pairs: Sequence[tuple[float, float]], name: str) -> Speed:
@@ -66,9 +72,8 @@ def ratio_of(pairs: Sequence[tuple[float, float]], name: str) -> Speed:
 def _oneray_seconds(program: Program, folder: Path, spp: int, seed: int, name: str) -> float | None:
     words = ["/submission/oneray", "/task/scene.xml", "-o", "/out/image.exr", "--quiet"]
     words += ["--spp", str(spp), "--seed", str(seed), *technique(name).options]
-    with tempfile.TemporaryDirectory(dir=program.scratch, ignore_cleanup_errors=True) as place:
-        Path(place).chmod(0o711)
-        output = Path(place) / "out"
+    with folders.temporary("oneray-", program.scratch) as place:
+        output = place / "out"
         output.mkdir()
         done = program.jail.run(
             words, seconds=program.limits.picture_seconds, folder=folder, writable=False,

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from raycheck.base.errors import NotFound
-from raycheck.base.text import nearest
+from raycheck.base.text import nearest, shown
 from raycheck.renderers.commands import Command
 from raycheck.scene.support import Support
 
 MANIFEST = "raycheck.toml"
+MOST_BYTES = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -45,20 +46,27 @@ OLDER = "run"
 def read_manifest(path: Path) -> Manifest:
     """NotFound, by the file's name alone, with the key and what would be right."""
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        if path.stat().st_size > MOST_BYTES:
+            raise NotFound(f"{MANIFEST} has more than {MOST_BYTES >> 10} kB")
+        return _manifest(tomllib.loads(path.read_text(encoding="utf-8-sig")))
     except OSError as error:
         raise NotFound(f"{path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise NotFound(f"{MANIFEST} is not TOML: {error}") from None
+        raise NotFound(f"{MANIFEST} is not TOML: {str(error)[:200]}") from None
+    except (ValueError, RecursionError):  # what tomllib and repr leave to Python
+        raise NotFound(f"{MANIFEST}: a number has too many digits, or lists and tables are nested") from None
+
+
+def _manifest(found: dict[str, Any]) -> Manifest:
     if OLDER in found:
         if "command" in found:
             raise NotFound(f"{MANIFEST}: command and {OLDER}, its older name: give one of them")
         found["command"] = found.pop(OLDER)
     for key, value in found.items():
         if key not in KEYS:
-            raise NotFound(f"{MANIFEST}: {key!r}{nearest(key, KEYS)}; there are {', '.join(KEYS)}")
+            raise NotFound(f"{MANIFEST}: {shown(key)}{nearest(key, KEYS)}; there are {', '.join(KEYS)}")
         if key in ("command", "build") and not isinstance(value, str):
-            raise NotFound(f"{MANIFEST}: {key} is {value!r}, a string is wanted")
+            raise NotFound(f"{MANIFEST}: {key} is {shown(value)}, a string is wanted")
         if isinstance(value, str) and "\0" in value:
             raise NotFound(f"{MANIFEST}: a command with a NUL byte")
     needs = _needs(found["needs"]) if "needs" in found else None
@@ -68,22 +76,23 @@ def read_manifest(path: Path) -> Manifest:
 
 def _needs(value: Any) -> Support:
     if not (isinstance(value, list) and all(isinstance(word, str) for word in value)):
-        raise NotFound(f'{MANIFEST}: needs is {value!r}, a list such as ["rectangle", "sphere"] is wanted')
+        wanted = 'a list such as ["rectangle", "sphere"] is wanted'
+        raise NotFound(f"{MANIFEST}: needs is {shown(value)}, {wanted}")
     return Support.of(value, f"{MANIFEST}: needs")
 
 
 def _limits(table: Any) -> OwnLimits:
     if not isinstance(table, Mapping):
-        raise NotFound(f"{MANIFEST}: limits is {table!r}, a table [limits] is wanted")
+        raise NotFound(f"{MANIFEST}: limits is {shown(table)}, a table [limits] is wanted")
     known = [one.name for one in fields(OwnLimits)]
     for key, value in table.items():
-        where = f"{MANIFEST}: [limits]: {key}"
+        where = f"{MANIFEST}: [limits]: {key[:40]}"
         if key not in known:
             raise NotFound(f"{where}{nearest(key, known)}; there are {', '.join(known)}")
         wanted = (int,) if key == "jobs" else (int, float)
         if isinstance(value, bool) or not isinstance(value, wanted) or not 0 < value < float("inf"):
             kind = "a whole number" if key == "jobs" else "a number"
-            raise NotFound(f"{where} is {value!r}, {kind} above 0 is wanted")
+            raise NotFound(f"{where} is {shown(value)}, {kind} above 0 is wanted")
     return OwnLimits(**table)
 
 

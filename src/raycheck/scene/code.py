@@ -268,10 +268,7 @@ def text(data: Mapping[str, Any]) -> str:
         )
         + ":",
     ]
-    lines += [
-        f"  {name.replace('_', ' '):13}{_words(camera[name])}"
-        for name in ("origin", *_CORNERS)
-    ]
+    lines += [f"  {name.replace('_', ' '):13}{_words(camera[name])}" for name in ("origin", *_CORNERS)]
     lines += [
         f"  {name.replace('_', ' '):15}{_words(value)}"
         for name, (_, value) in _more(camera).items()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from raycheck.base.errors import NotFound
 from raycheck.base.files import made_folder
+from raycheck.base.text import plain
 from raycheck.commands.terminal import COLOURS, Columns, Output
 from raycheck.grading import course
 from raycheck.grading.assignment import Assignment, read_assignment
@@ -34,8 +35,8 @@ def grade(
     names = tables.read_roster(lists.roster) if lists.roster else []
     found = course.entries(class_folder, names) if class_folder else []
     if submission is not None:
-        found = [course.Entry(student or submission.resolve().name.split(".")[0], submission)]
-    students = {entry.student for entry in found}
+        found = [course.Entry(tables.name_of(student or submission.resolve().name.split(".")[0]), submission)]
+    students = {*names, *(entry.student for entry in found)}
     by_hand = tables.read_overrides(lists.overrides, asked, students) if lists.overrides else {}
     grader = Grader.prepare(asked, tier)
     made_folder(out)
@@ -44,7 +45,7 @@ def grade(
     def on_result(result: StudentResult) -> None:
         if len(found) > 1:
             points = f"{number(result.total)} of {number(result.most)}"
-            progress.print(f"{result.student}: {points}", highlight=False, markup=False)
+            progress.print(plain(f"{result.student}: {points}"), highlight=False, markup=False)
 
     results = course.grade_class(grader, found, out, pool, on_result)
     course.write_class(asked, results, out, names, by_hand)
@@ -74,11 +75,11 @@ def show(asked: Assignment, results: list[StudentResult], out: Path) -> None:
         cells = [
             f"[{COLOURS[t.verdict]}]{number(t.points)}{'?' if t.pending else ''}[/]" for t in result.tasks
         ]
-        table.add_row(result.student.replace("[", "("), *cells, number(result.total))
+        table.add_row(plain(result.student).replace("[", "("), *cells, number(result.total))
     table.show(console)
     if len(results) == 1:
         for line in _details(results[0]):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+            console.print(plain(line), markup=False, highlight=False, soft_wrap=True)
     for said in sorted({result.sandbox for result in results} - {""}):
         console.print(sentence(said), markup=False, highlight=False, soft_wrap=True)
     console.print(

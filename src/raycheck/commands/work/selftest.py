@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raycheck.base.errors import NotFound
+from raycheck.base.text import plain
 from raycheck.commands.terminal import Columns, Output
 from raycheck.grading import attacks
 from raycheck.grading.jail import sandbox
@@ -44,7 +45,7 @@ def _show(survived: list[attacks.Survived], sandbox_: str) -> None:
     table = Columns(("attack", "survived", "reason"), wrap=("reason",))
     for one in survived:
         good = "[green]yes[/]" if not one.problem else "[bold red]NO[/]"
-        table.add_row(one.name, good, (one.problem or one.reason).replace("[", "(")[:110])
+        table.add_row(one.name, good, plain(one.problem or one.reason).replace("[", "(")[:110])
     table.show(console)
     failed = sum(bool(one.problem) for one in survived)
     count = f"{len(survived) - failed} of {len(survived)} survived."

@@ -10,5 +10,7 @@ confine  the jail that needs no name spaces: a server of its own, started from i
          library alone; confined is a command in it
 cgroups  limits of all processes together, by the kernel
 watch    time, memory and files of a running program; ends it beyond its bounds
+folders  folders that it may have filled
+apart    a process without privileges, for what reads the bytes of strangers
 pixels   a picture out of the jail
 """

@@ -20,7 +20,8 @@ from pathlib import Path
 
 OURS = "raycheck"
 """The group into which the grader itself moves: in version 2 no group has both processes and subgroups."""
-WANTED = ("memory", "pids")
+WANTED = ("memory", "pids", "cpu")
+"""The last has no limit: each group gets its share of the processors, however many processes it has."""
 REMOVE_SECONDS = 2.0
 """How long the last process, which is dead, may take to leave its group."""
 MOVES = 100

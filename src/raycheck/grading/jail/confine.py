@@ -16,6 +16,7 @@ import signal
 import socket
 import stat
 import sys
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,21 +36,63 @@ TRUNCATE_ABI, NETWORK_ABI, SCOPE_ABI = 3, 4, 6
 """The first that can forbid truncate(2), TCP, and signals to processes outside."""
 
 ALLOW, ERRNO = 0x7FFF0000, 0x00050000
-NOT_EQUAL, MASKED_EQUAL = 1, 7
-CLONE_NEWUSER = 0x10000000
-FORBIDDEN = (
-    "socket", "io_uring_setup", "io_uring_enter", "io_uring_register",
-    "ptrace", "process_vm_readv", "process_vm_writev", "process_madvise", "pidfd_getfd", "kcmp",
-    "bpf", "perf_event_open", "userfaultfd", "keyctl", "add_key", "request_key",
-    "shmget", "msgget", "semget", "mq_open", "mq_unlink",
-    "unshare", "setns", "mount", "umount2", "pivot_root", "chroot", "open_by_handle_at", "name_to_handle_at",
-    "fsopen", "fsconfig", "fsmount", "move_mount", "open_tree",
+NOT_EQUAL, EQUAL, MASKED_EQUAL = 1, 4, 7
+NEW_SPACES = 0x7E020000
+"""Flags of clone(2) for name spaces of its own: CLONE_NEWNS, CLONE_NEWCGROUP, …, CLONE_NEWNET."""
+ALLOWED = (
+    # files
+    "read", "write", "pread64", "pwrite64", "readv", "writev", "preadv", "pwritev", "lseek", "_llseek",
+    "open", "openat", "creat", "close", "close_range", "dup", "dup2", "dup3", "pipe", "pipe2",
+    "fcntl", "fcntl64", "flock", "ioctl", "umask", "sendfile", "sendfile64", "splice", "tee",
+    "copy_file_range", "stat", "stat64", "fstat", "fstat64", "lstat", "lstat64", "newfstatat",
+    "fstatat64", "statx", "statfs", "statfs64", "fstatfs", "fstatfs64", "access", "faccessat", "faccessat2",
+    "readlink", "readlinkat", "getxattr", "lgetxattr", "fgetxattr", "listxattr", "llistxattr", "flistxattr",
+    "getdents", "getdents64", "getcwd", "chdir", "fchdir", "mkdir", "mkdirat", "rmdir", "mknod", "mknodat",
+    "unlink", "unlinkat", "rename", "renameat", "renameat2", "link", "linkat", "symlink", "symlinkat",
+    "truncate", "truncate64", "ftruncate", "ftruncate64", "fallocate", "fsync", "fdatasync",
+    # memory
+    "brk", "mmap", "mmap2", "munmap", "mremap", "mprotect", "madvise", "msync", "mlock", "mlock2", "munlock",
+    "mlockall", "munlockall", "mbind", "get_mempolicy", "set_mempolicy", "membarrier", "mseal",
+    "pkey_alloc", "pkey_free", "pkey_mprotect",
+    # processes and threads
+    "fork", "vfork", "execve", "execveat", "exit", "exit_group", "wait4", "waitid", "waitpid",
+    "getpid", "getppid", "gettid", "getpgid", "getpgrp", "setpgid", "getsid", "setsid",
+    "getuid", "geteuid", "getgid", "getegid", "getresuid", "getresgid", "getgroups",
+    "setuid", "setgid", "setreuid", "setregid", "setresuid", "setresgid", "setfsuid", "setfsgid",
+    "setuid32", "setgid32", "setreuid32", "setregid32", "setresuid32", "setresgid32",
+    "setfsuid32", "setfsgid32", "getuid32", "geteuid32", "getgid32", "getegid32", "getresuid32",
+    "getresgid32", "getgroups32",
+    "set_tid_address", "set_robust_list", "rseq", "prctl", "arch_prctl", "set_thread_area", "get_thread_area",
+    "futex", "futex_time64", "futex_waitv", "futex_wait", "futex_wake", "futex_requeue",
+    "sched_yield", "sched_getaffinity", "sched_getparam", "sched_getscheduler", "sched_getattr",
+    "sched_get_priority_max", "sched_get_priority_min", "sched_rr_get_interval", "getpriority",
+    "getrlimit", "ugetrlimit", "setrlimit", "getrusage", "times", "sysinfo", "uname", "getcpu", "capget",
+    "getrandom", "riscv_hwprobe", "cacheflush", "riscv_flush_icache",
+    # signals
+    "rt_sigaction", "rt_sigprocmask", "rt_sigpending", "rt_sigsuspend", "rt_sigtimedwait", "rt_sigreturn",
+    "sigaction", "sigprocmask", "sigpending", "sigsuspend", "sigreturn", "sigaltstack",
+    "signalfd", "signalfd4", "pause", "alarm", "restart_syscall", "pidfd_open",
+    # time and events
+    "clock_gettime", "clock_gettime64", "clock_getres", "clock_getres_time64", "gettimeofday", "time",
+    "nanosleep", "clock_nanosleep", "clock_nanosleep_time64", "getitimer", "setitimer",
+    "timer_create", "timer_settime", "timer_gettime", "timer_getoverrun", "timer_delete",
+    "timerfd_create", "timerfd_settime", "timerfd_gettime",
+    "poll", "ppoll", "ppoll_time64", "select", "_newselect", "pselect6", "pselect6_time64",
+    "epoll_create", "epoll_create1", "epoll_ctl", "epoll_wait", "epoll_pwait", "epoll_pwait2",
+    "eventfd", "eventfd2",
+    # a pair of sockets that belong together, and to nobody else
+    "socketpair", "recvfrom", "recvmsg", "shutdown", "getsockopt", "setsockopt", "getsockname", "getpeername",
 )  # fmt: skip
-"""Ways to the network, to other processes, to memory that outlives the jail, and to parts of the kernel that
-a renderer never needs. No socket at all: one to a service of the user's could start programs outside."""
-ON_OTHERS = ("prlimit64", "setpriority", "sched_setaffinity", "sched_setscheduler", "sched_setparam")
-"""Allowed on the caller itself; which argument names the process: `_OTHERS_ARGUMENT`."""
-_OTHERS_ARGUMENT = {"setpriority": 1}
+"""System calls of renderers, compilers and the languages that students write in. All others are answered as a
+kernel does that does not have them, so that libraries go on without: ways to the network, to other
+processes, to memory that outlives the jail or that nobody counts, to what the machine has read before, and
+to parts of the kernel that a renderer never needs. Sockets are among them: one to a service of the user's
+could start programs outside.
+"""
+ON_ITSELF = ("prlimit64", "sched_setaffinity", "sched_setscheduler", "sched_setparam")
+"""Allowed on the caller alone."""
+ADVICE = ("fadvise64", "fadvise64_64")
+"""Not taken, which changes nothing that a program can see."""
 SIGNALS = ("kill", "tkill", "tgkill", "rt_sigqueueinfo", "rt_tgsigqueueinfo", "pidfd_send_signal")
 MOST_MESSAGE = 1 << 17
 ATTRIBUTES = (
@@ -105,16 +148,16 @@ class _Beneath(ctypes.Structure):
     _fields_ = [("allowed", ctypes.c_uint64), ("parent", ctypes.c_int32)]
 
 
-def open_ruleset(rules: Rules) -> int:
-    """A descriptor of what the rules allow of the file system; nothing of TCP and of others' processes."""
+def open_ruleset(readable: Sequence[str], writable: Sequence[str]) -> int:
+    """A descriptor of what is allowed of the file system; nothing of TCP and of others' processes."""
     abi = landlock_abi()
     known = (1 << RIGHTS[min(abi, len(RIGHTS)) - 1]) - 1
     whole = _Ruleset(known, 0b11, 0b11)
     size = 24 if abi >= SCOPE_ABI else 16 if abi >= NETWORK_ABI else 8
     ruleset = _checked(libc.syscall(CREATE_RULESET, ctypes.byref(whole), size, 0), "landlock_create_ruleset")
     devices = dict.fromkeys(("/dev/null", "/dev/zero", "/dev/full"), known)
-    rights = dict.fromkeys(rules.readable, READING) | devices
-    rights |= dict.fromkeys(rules.writable, known & ~MAKE_DEVICES & ~IOCTL_DEV)
+    rights = dict.fromkeys(readable, READING) | devices
+    rights |= dict.fromkeys(writable, known & ~MAKE_DEVICES & ~IOCTL_DEV)
     for name, allowed in rights.items():
         with contextlib.suppress(FileNotFoundError):
             place = os.open(name, os.O_PATH | os.O_CLOEXEC)
@@ -124,6 +167,12 @@ def open_ruleset(rules: Rules) -> int:
             _checked(libc.syscall(ADD_RULE, ruleset, 1, ctypes.byref(rule), 0), f"landlock_add_rule {name}")
             os.close(place)
     return ruleset
+
+
+def restrict_self(ruleset: int) -> None:
+    """Have no rights but those of the ruleset, for ever."""
+    _checked(libc.syscall(RESTRICT_SELF, ruleset, 0), "landlock_restrict_self")
+    os.close(ruleset)
 
 
 class _Compare(ctypes.Structure):
@@ -136,27 +185,38 @@ class _Compare(ctypes.Structure):
 
 
 class Filter:
-    """A filter of system calls, in the making: all are allowed but those that are forbidden."""
+    """A filter of system calls, in the making: what is not allowed is answered as if the kernel had no such
+    call.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, allowed: Iterable[str]) -> None:
         self.library = ctypes.CDLL("libseccomp.so.2")
         self.library.seccomp_init.restype = ctypes.c_void_p
-        self.context = ctypes.c_void_p(self.library.seccomp_init(ctypes.c_uint32(ALLOW)))
-        for name in FORBIDDEN:
-            self.forbid(name, errno.EACCES)
-        for name in ON_OTHERS:
-            self.forbid(name, when=_Compare(_OTHERS_ARGUMENT.get(name, 0), NOT_EQUAL, 0, 0))
-        self.forbid("clone", when=_Compare(0, MASKED_EQUAL, CLONE_NEWUSER, CLONE_NEWUSER))
-        self.forbid("clone3", errno.ENOSYS)  # its flags are out of sight; the C library goes on with clone
+        missing = ctypes.c_uint32(ERRNO | errno.ENOSYS)
+        self.context = ctypes.c_void_p(self.library.seccomp_init(missing))
+        for name in allowed:
+            self.allow(name)
 
-    def forbid(self, name: str, answer: int = errno.EPERM, when: _Compare | None = None) -> None:
-        """Answer a call, `when` that holds, with that error and nothing else; 0 is success."""
+    def allow(self, name: str, *when: _Compare) -> None:
+        """Let a call pass where all of these hold."""
+        self._add(ALLOW, name, when)
+
+    def allow_on_itself(self, name: str) -> None:
+        """Let a call pass where the process that its first argument names is 0, the caller."""
+        self.allow(name, _Compare(0, EQUAL, 0, 0))
+        self.answer(name, errno.EPERM, _Compare(0, NOT_EQUAL, 0, 0))
+
+    def answer(self, name: str, number: int, *when: _Compare) -> None:
+        """Answer a call, where all of these hold, with that error and nothing else; 0 is success."""
+        self._add(ERRNO | number, name, when)
+
+    def _add(self, action: int, name: str, when: Sequence[_Compare]) -> None:
         number = self.library.seccomp_syscall_resolve_name(name.encode())
-        if number == -1:  # a name that this library does not know, its kernel hardly does
+        if number == -1:  # a name that this library does not know
             return
-        action, count = ctypes.c_uint32(ERRNO | answer), 0 if when is None else 1
+        compared = (_Compare * len(when))(*when)
         added = self.library.seccomp_rule_add_array(
-            self.context, action, number, count, ctypes.byref(when) if when else None
+            self.context, ctypes.c_uint32(action), number, len(when), compared
         )
         if added and number >= 0:  # below 0: this architecture has no such call
             raise OSError(-added, f"no filter for {name}: {os.strerror(-added)}")
@@ -177,19 +237,41 @@ class Filter:
             return file.read()
 
 
+def jail_filter(signals: bool = True, attributes: bool = True, truncate: bool = True) -> Filter:
+    """The filter of every jail. Without `signals`, none are sent; without `attributes`, those of files stay
+    as they are; without `truncate`, only files that are open are cut short.
+    """
+    made = Filter(name for name in ALLOWED if truncate or name != "truncate")
+    for name in SIGNALS:
+        made.allow(name) if signals else made.answer(name, errno.EPERM)
+    for name in ATTRIBUTES:
+        made.allow(name) if attributes else made.answer(name, 0)
+    for name in ADVICE:
+        made.answer(name, 0)
+    for name in ON_ITSELF:
+        made.allow_on_itself(name)
+    made.allow("setpriority", _Compare(0, EQUAL, 0, 0), _Compare(1, EQUAL, 0, 0))  # PRIO_PROCESS, itself
+    made.allow("sendto", _Compare(4, EQUAL, 0, 0))  # no address: to the other of a pair
+    made.allow("personality", _Compare(0, EQUAL, 0xFFFFFFFF, 0))  # which it has
+    made.allow("clone", _Compare(0, MASKED_EQUAL, NEW_SPACES, 0))
+    return made
+
+
 def load_filter(rules: Rules) -> None:
     """Forbid what the name spaces of a stronger jail would keep from this one, and the rest."""
-    forbidden = Filter()
     abi = landlock_abi() if rules.landlock else 0
-    if rules.user is None and abi < SCOPE_ABI:
-        for name in SIGNALS:
-            forbidden.forbid(name)
-    if rules.user is None and abi < TRUNCATE_ABI:
-        forbidden.forbid("truncate")
-    if not rules.building:
-        for name in ATTRIBUTES:
-            forbidden.forbid(name, 0)
-    forbidden.load()
+    jail_filter(
+        signals=rules.user is not None or abi >= SCOPE_ABI, attributes=rules.building,
+        truncate=rules.user is not None or abi >= TRUNCATE_ABI,
+    ).load()  # fmt: skip
+
+
+def become_user(user: int | None) -> None:
+    """Have the rights of that user alone, for ever."""
+    if user is not None:
+        os.setgroups([])
+        os.setresgid(user, user, user)
+        os.setresuid(user, user, user)
 
 
 def become(rules: Rules, words: list[str], info: int) -> None:
@@ -198,23 +280,19 @@ def become(rules: Rules, words: list[str], info: int) -> None:
     for door in rules.doors:
         Path(door).write_text("0")
     Path("/proc/self/oom_score_adj").write_text("1000")  # where memory is short the command goes first
-    ruleset = open_ruleset(rules) if rules.landlock else None
+    ruleset = open_ruleset(rules.readable, rules.writable) if rules.landlock else None
     limits = {**rules.limits, "RLIMIT_NPROC": rules.processes + (0 if rules.user is not None else _tasks())}
     for name, value in limits.items():
         kind = getattr(resource, name)
         most = resource.getrlimit(kind)[1]
         value = value if most == resource.RLIM_INFINITY else min(value, most)
         resource.setrlimit(kind, (value, value))
-    if rules.user is not None:
-        os.setgroups([])
-        os.setresgid(rules.user, rules.user, rules.user)
-        os.setresuid(rules.user, rules.user, rules.user)
+    become_user(rules.user)
     os.chdir(rules.folder)
     _checked(libc.prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0), "no_new_privs")
     _checked(libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0), "signal at the supervisor's end")
     if ruleset is not None:
-        _checked(libc.syscall(RESTRICT_SELF, ruleset, 0), "landlock_restrict_self")
-        os.close(ruleset)
+        restrict_self(ruleset)
     load_filter(rules)
     os.write(info, b"confined")
     for number in (signal.SIGPIPE, signal.SIGXFSZ):  # Python ignores them
@@ -330,7 +408,9 @@ def _supervise_and_report(message: bytes, said: int, info: int, status: int) -> 
         for descriptor in (said, info, status):
             os.set_inheritable(descriptor, False)
         asked = json.loads(message)
-        os.write(status, str(supervise(Rules(**asked["rules"]), asked["words"], info)).encode())
+        code = supervise(Rules(**asked["rules"]), asked["words"], info)
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        os.write(status, f"{code} {used.ru_utime + used.ru_stime}".encode())
     finally:
         os._exit(0)
 

@@ -29,6 +29,8 @@ class Confined:
         self.stdout = os.fdopen(ours, "rb")
         """What it says, on standard error too."""
         self.returncode: int | None = None
+        self.used = 0.0
+        """Seconds of a processor, when it has ended."""
         try:
             with self.lock:
                 server = self._server()
@@ -55,7 +57,8 @@ class Confined:
             if not select.select([self.status], [], [], timeout)[0]:
                 raise subprocess.TimeoutExpired("confine.py", timeout or 0.0)
             with os.fdopen(self.status, "rb") as pipe:
-                self.returncode = int(pipe.read() or -signal.SIGKILL)
+                code, _, used = (pipe.read() or str(-signal.SIGKILL).encode()).partition(b" ")
+            self.returncode, self.used = int(code), float(used or 0)
         return self.returncode
 
     def poll(self) -> int | None:

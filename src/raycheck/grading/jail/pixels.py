@@ -1,30 +1,39 @@
 """The border: a picture that a hostile program left in a folder becomes numbers, or a sentence.
 
 Only a regular file with one link is read, through a descriptor that follows no link; size and header are
-checked before anything is decoded, and other formats than PFM are decoded by a process that may crash or
-swell alone.
+checked before anything is decoded, and decoded it is by a process without privileges that may crash or swell
+alone: EXR and PFM, no other formats, one layer that is the whole picture. Of what the file says beside its
+pixels nothing is taken but their precision.
 """
 
 import contextlib
-import multiprocessing
+import json
 import os
 import shutil
 import stat
-from multiprocessing.connection import Connection
-from multiprocessing.context import ForkProcess
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import OpenImageIO as oiio
 
 from raycheck.base.errors import ImageError, RenderError
-from raycheck.base.images import Image, load_image
+from raycheck.base.images import ERRORS, Image, load_exr, load_image
+from raycheck.base.text import plain
+from raycheck.grading.jail import folders
+from raycheck.grading.jail.apart import Apart, Broken
 
 oiio.attribute("threads", 1)  # before it is used: processes forked later would lack the threads of its pool
 oiio.attribute("exr_threads", -1)
 MOST_CHANNELS = 64
 DECODE_SECONDS = 20.0
 DECODE_BYTES = 2 << 30
-"""Address space of the decoding process beyond its own at the start."""
+NAME = "picture.exr"
+EXR = b"\x76\x2f\x31\x01"
+"""How an EXR begins."""
+PRECISIONS = ("float", "half")
+MOST_SAID = 2000
 
 
 def take_picture(
@@ -66,65 +75,82 @@ def _copy(source: Path, target: Path, most_bytes: int) -> None:
 
 
 class Decoder:
-    """Reads the pictures of one submission; a context. What is no PFM is decoded by a process, started when
-    it is first needed and anew after a picture that it did not survive.
+    """Reads the pictures of one submission; a context. Each is decoded by a process without privileges, as
+    `user` where this one is root.
     """
 
-    def __init__(self) -> None:
-        self.process: ForkProcess | None = None
-        self.pipe: Connection | None = None
+    def __init__(self, user: int | None = None) -> None:
+        self.user = user
 
     def __enter__(self) -> "Decoder":
+        with contextlib.ExitStack() as made:
+            self.place = made.enter_context(folders.temporary("raycheck-decode-", mode=0o755))
+            apart = Apart(_decode, self.place, self.user, seconds=DECODE_SECONDS, memory=DECODE_BYTES)
+            self.apart = made.enter_context(apart)
+            self.made = made.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.process is not None and self.pipe is not None:
-            self.pipe.close()
-            self.process.kill()
-            self.process.join()
-        self.process = self.pipe = None
+        self.made.close()
 
     def read(self, path: Path, size: tuple[int, int]) -> Image:
         """A file that is already ours; RenderError for anything but a picture of that height and width."""
+        copy = self.place / NAME
+        shutil.copyfile(path, copy)
+        copy.chmod(0o644)
+        height, width = size
         try:
-            with path.open("rb") as file:
-                if file.read(2) in (b"PF", b"Pf"):
-                    _check_pfm(path, size)
-                    return load_image(path)
-        except ImageError as error:
-            raise RenderError(_plain(error, path)) from None
-        answer = self._apart(path, size)
-        if isinstance(answer, str):
-            raise RenderError(answer)
-        return answer
-
-    def _apart(self, path: Path, size: tuple[int, int]) -> Image | str:
-        if self.process is None or self.pipe is None:
-            context = multiprocessing.get_context("fork")
-            self.pipe, theirs = context.Pipe()
-            self.process = context.Process(target=_decode_all, args=(theirs, self.pipe), daemon=True)
-            self.process.start()
-            theirs.close()
-        try:
-            self.pipe.send((path, size))
-            if self.pipe.poll(DECODE_SECONDS):
-                result: Image | str = self.pipe.recv()
-                return result
-            problem = f"{{output}} was not decoded within {DECODE_SECONDS:.0f} s"
-        except (EOFError, OSError):
-            problem = "{output} is malformed: decoding it crashed"
-        self.__exit__()
-        return problem
+            answer = self.apart.ask(json.dumps(size).encode(), height * width * 24 + MOST_SAID)
+        except Broken as why:
+            raise RenderError(f"{{output}} is malformed: decoding it {why}") from None
+        finally:
+            copy.unlink()
+        said, _, data = answer.partition(b"\n")
+        precision = said.decode(errors="replace")
+        if precision not in PRECISIONS or len(data) != height * width * 24:
+            raise RenderError(precision)
+        pixels = np.frombuffer(data, "<f8").reshape(height, width, 3)
+        return Image(pixels, precision)
 
 
-def _plain(error: Exception, path: Path) -> str:
-    return str(error).replace(str(path), "{output}")
+def _decode(asked: bytes, folder: Path) -> bytes:
+    """The precision of the picture NAME and its pixels (H, W, 3); or what is wrong with it."""
+    height, width = json.loads(asked)
+    path = folder / NAME
+    try:
+        if path.read_bytes()[:4] == EXR:
+            image = load_exr(path, partial(_check_spec, (height, width)))
+        else:
+            _check_pfm(path, (height, width))
+            image = load_image(path)
+    except (ImageError, RenderError) as error:
+        problem = str(error).replace(str(path), "{output}").replace(NAME, "{output}")
+        return plain(problem).encode(errors="replace")[:MOST_SAID]
+    except MemoryError:
+        return b"{output} takes too much memory to decode"
+    return image.precision.encode() + b"\n" + image.pixels.astype("<f8").tobytes()
+
+
+def _check_spec(size: tuple[int, int], spec: Any, parts: int) -> None:
+    """What an EXR says of itself, before memory is taken for its pixels."""
+    if (spec.height, spec.width) != size:
+        raise RenderError(_other_size(spec.width, spec.height, size))
+    if (spec.full_height, spec.full_width) != size or (spec.x, spec.y) != (spec.full_x, spec.full_y):
+        raise RenderError("the data window of {output} is not its display window: a whole picture is needed")
+    if spec.nchannels > MOST_CHANNELS or spec.depth > 1:
+        raise RenderError(f"the image has {spec.nchannels} channels, at most {MOST_CHANNELS} are read")
+    layers = {name.rpartition(".")[0] for name in spec.channelnames}
+    layers = {name for name in layers if name.rpartition(".")[2].lower() not in ERRORS}
+    if parts > 1 or len(layers) > 1:
+        raise RenderError(f"{{output}} has {max(parts, len(layers))} layers: a picture of one is needed")
 
 
 def _check_pfm(path: Path, size: tuple[int, int]) -> None:
     """Before memory is taken for its pixels."""
     with path.open("rb") as file:
         words = file.read(200).split()
+    if not words or words[0] not in (b"PF", b"Pf"):
+        raise RenderError("{output} is not an image that is read here: EXR and PFM of 32-bit floats are")
     if len(words) >= 3 and all(word.isdigit() and len(word) < 10 for word in words[1:3]):
         width, height = int(words[1]), int(words[2])
         if (height, width) != size:
@@ -134,38 +160,3 @@ def _check_pfm(path: Path, size: tuple[int, int]) -> None:
 def _other_size(width: int, height: int, size: tuple[int, int]) -> str:
     turned = ", width and height are swapped" if (width, height) == size and width != height else ""
     return f"the image is {width}×{height} pixels, the scene asks for {size[1]}×{size[0]}{turned}"
-
-
-def _decode_all(pipe: Connection, other_end: Connection) -> None:
-    """Answers (path, size) with an Image or what is wrong with it."""
-    import resource  # POSIX alone
-
-    other_end.close()  # else this process would never see that its owner has ended
-    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (used + DECODE_BYTES,) * 2)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with contextlib.suppress(EOFError):
-        while True:
-            pipe.send(_decode(*pipe.recv()))
-
-
-def _decode(path: Path, size: tuple[int, int]) -> Image | str:
-    try:
-        return _header_problem(path, size) or load_image(path)
-    except ImageError as error:
-        return _plain(error, path)
-    except MemoryError:
-        return "{output} takes too much memory to decode"
-
-
-def _header_problem(path: Path, size: tuple[int, int]) -> str:
-    reader = oiio.ImageInput.open(str(path))
-    if reader is None:
-        return ""  # load_image says it better
-    spec = reader.spec()
-    reader.close()
-    if (spec.height, spec.width) != size:
-        return _other_size(spec.width, spec.height, size)
-    if spec.nchannels > MOST_CHANNELS or spec.depth > 1:
-        return f"the image has {spec.nchannels} channels, at most {MOST_CHANNELS} are read"
-    return ""

@@ -17,14 +17,13 @@ import re
 import shutil
 import stat
 import subprocess
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from raycheck.base.errors import NotFound
-from raycheck.grading.jail import cgroups, confine
+from raycheck.grading.jail import cgroups, confine, folders
 from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
 from raycheck.grading.jail.limits import Limits
@@ -36,8 +35,8 @@ FIRST_USER = 61184
 USERS = 4000
 GRADING = os.getpid() * 61 % USERS
 """Where this grading begins in them, so that two at the same time hardly share any."""
-MOST_OUTPUT_FILES = 1000
-MOST_BUILD_FILES = 50_000
+MOST_OUTPUT_ENTRIES = 1000
+MOST_BUILD_ENTRIES = 20_000
 BUILD_BYTES = 1 << 30
 """What the folder of a submission may hold after its build."""
 ENVIRONMENT = {"PATH": "/usr/local/bin:/usr/bin:/bin", "LANG": "C.UTF-8"}
@@ -48,10 +47,16 @@ shift
 exec "$@"
 """
 """Become the first to go where memory is short, a member of the control groups, and then the command."""
+WALL = 20.0
+"""Times its limit that a program may take by the clock: others may keep the machine busy."""
 OWN_PROCESSES = 3
 """How many processes the jail itself needs."""
 READABLE = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64")
-SETTINGS = ("/etc/alternatives", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d")
+SETTINGS = (
+    "/etc/alternatives", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d", "/etc/ssl/openssl.cnf",
+    *sorted(map(str, Path("/etc").glob("java*"))),
+)  # fmt: skip
+"""What of the machine's settings compilers and languages read."""
 MACHINE = (
     "/dev/urandom", "/dev/random", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/sys/devices/system/cpu",
 )  # fmt: skip
@@ -109,8 +114,8 @@ class Jail:
         NotFound where the jail itself cannot be made.
         """
         command = Command(words, folder, writable, readable or {}, output)
-        limits, seconds = self.limits, max(min(seconds, self.left()), 0.01)
-        bounds = Bounds(seconds, limits.memory_mb, command.sizes(limits))
+        limits, wall = self.limits, max(min(WALL * seconds, self.left()), 0.01)
+        bounds = Bounds(seconds, wall, limits.memory_mb, command.sizes(limits))
         if self.tier is Tier.NONE:
             return watch(lambda _: _popen(command.outside, cwd=folder), bounds)
         for place in (folder, output):
@@ -138,18 +143,18 @@ class Jail:
             return watch(lambda info: _popen(words, {**given, "info": info}), bounds, self.tier)
 
     def _confined(self, command: "Command", bounds: Bounds) -> Finished:
-        with tempfile.TemporaryDirectory(prefix="raycheck-tmp-", ignore_cleanup_errors=True) as place:
+        with folders.temporary("raycheck-tmp-", mode=0o700) as place:
             if self.user is not None:
                 os.chown(place, self.user, self.user)
             seen = [*READABLE, *SETTINGS, *MACHINE, *self.limits.readable]
             seen += map(str, (command.folder, *command.readable))
-            own = [place, *(str(size.folder) for size in bounds.sizes)]
+            own = [str(place), *(str(size.folder) for size in bounds.sizes)]
             rules = confine.Rules(
                 self.user, self.tier is Tier.LANDLOCK, seen, own, command.writable,
                 _rlimits(self.limits, bounds.seconds), self.limits.processes,
-                {**ENVIRONMENT, "HOME": place, "TMPDIR": place}, str(command.folder), bounds.doors,
+                {**ENVIRONMENT, "HOME": str(place), "TMPDIR": str(place)}, str(command.folder), bounds.doors,
             )  # fmt: skip
-            temporary = Size(Path(place), self.limits.output_mb << 20, MOST_OUTPUT_FILES)
+            temporary = Size(place, self.limits.output_mb << 20, MOST_OUTPUT_ENTRIES)
             bounds = replace(bounds, sizes=[*bounds.sizes, temporary])
             done = watch(lambda info: Confined(rules, command.outside, info), bounds, self.tier)
         if self.tier is Tier.USER:
@@ -181,8 +186,8 @@ class Command:
 
     def sizes(self, limits: Limits) -> list[Size]:
         """How large each folder that it may write to may become."""
-        sizes = [Size(self.output, limits.output_mb << 20, MOST_OUTPUT_FILES)] if self.output else []
-        return [*sizes, Size(self.folder, BUILD_BYTES, MOST_BUILD_FILES)] if self.writable else sizes
+        sizes = [Size(self.output, limits.output_mb << 20, MOST_OUTPUT_ENTRIES)] if self.output else []
+        return [*sizes, Size(self.folder, BUILD_BYTES, MOST_BUILD_ENTRIES)] if self.writable else sizes
 
 
 def _remove_shared(user: int | None) -> None:
@@ -194,14 +199,15 @@ def _remove_shared(user: int | None) -> None:
                 found = path.lstat()
                 folder = stat.S_ISDIR(found.st_mode)
                 if found.st_uid == user:
-                    shutil.rmtree(path, ignore_errors=True) if folder else path.unlink()
+                    folders.remove(path) if folder else path.unlink()
                 elif folder and found.st_mode & stat.S_IWOTH:
                     waiting.append(path)
 
 
 def _give(place: Path, user: int) -> None:
-    for path in (place, *place.rglob("*")):
-        os.chown(path, user, user, follow_symlinks=False)
+    os.chown(place, user, user)
+    for found in folders.walk(place):
+        os.chown(found.name, user, user, dir_fd=found.parent, follow_symlinks=False)
 
 
 def _bubblewrap(limits: Limits, command: Command) -> list[str]:
@@ -234,7 +240,7 @@ def _bubblewrap(limits: Limits, command: Command) -> list[str]:
 def _filter() -> bytes:
     """The filter of system calls; NotFound where the library that makes it is missing."""
     try:
-        return confine.Filter().program()
+        return confine.jail_filter().program()
     except OSError as error:
         raise NotFound(f"no filter of system calls (Debian's package libseccomp2): {error}") from None
 

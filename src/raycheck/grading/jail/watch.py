@@ -8,6 +8,7 @@ import json
 import os
 import select
 import signal
+import stat
 import subprocess
 import threading
 import time
@@ -19,8 +20,8 @@ from typing import Any
 from raycheck.base.errors import NotFound
 from raycheck.base.processes import end, signal_name, tree
 from raycheck.base.statuses import Status
-from raycheck.base.text import last_words, refusal
-from raycheck.grading.jail import confine
+from raycheck.base.text import last_words, plain, quoted, refusal
+from raycheck.grading.jail import confine, folders
 from raycheck.grading.jail.cgroups import Group
 from raycheck.grading.jail.confined import Confined
 from raycheck.renderers.commands import unexplained
@@ -28,6 +29,8 @@ from raycheck.renderers.commands import unexplained
 KEPT_BYTES = 4000
 """How much is kept of what a program says."""
 WATCH_SECONDS = 0.05
+UNLINKED_BYTES, UNLINKED_TIMES = 16 << 20, 2
+"""What it may hold in files without a name, and how many times what its folders may hold."""
 END_SECONDS = 10.0
 """How long a supervisor may take to end what it looks after."""
 Process = subprocess.Popen[bytes] | Confined
@@ -46,6 +49,8 @@ class Finished:
     """Why it was ended, a sentence."""
     late: bool = False
     """Because its time was over."""
+    used: float = 0.0
+    """Seconds of a processor, and those in which it wanted none: what its limit counts."""
 
     @property
     def refused(self) -> str:
@@ -53,7 +58,8 @@ class Finished:
         if self.killed or self.status < 0:
             return ""
         cannot = unexplained(last_words(self.said)) if self.status == Status.CANNOT else ""
-        return refusal(self.said.splitlines()) or cannot
+        said = refusal(self.said.splitlines())
+        return f"it says {quoted(said)}" if said else cannot
 
     @property
     def problem(self) -> str:
@@ -73,7 +79,24 @@ class Size:
 
     folder: Path
     most_bytes: int
-    most_files: int
+    most_entries: int
+    """Files and folders."""
+
+    @property
+    def problem(self) -> str:
+        """How it holds more than it may, in a sentence without its end; empty if it does not."""
+        total = count = 0
+        try:
+            for found in folders.walk(self.folder):
+                count += 1
+                total += max(found.status.st_blocks * 512, found.status.st_size)
+                if count > self.most_entries:
+                    return f"more than {self.most_entries} files and folders written, which is the limit"
+                if total > self.most_bytes:
+                    return f"more than {self.most_bytes >> 20} MB written, which is the limit"
+        except folders.TooDeep as error:
+            return str(error)
+        return ""
 
 
 @dataclass(frozen=True)
@@ -81,6 +104,9 @@ class Bounds:
     """What all processes of a program may take together."""
 
     seconds: float
+    """Time of a processor, and time in which it wants none."""
+    wall: float
+    """Time by the clock."""
     memory_mb: int
     sizes: Sequence[Size]
     group: Group | None = None
@@ -90,6 +116,16 @@ class Bounds:
     def doors(self) -> list[str]:
         """Files by which a process joins the group."""
         return self.group.doors if self.group else []
+
+    @property
+    def overfull(self) -> str:
+        """How a folder holds more than it may; empty if none does."""
+        return next((problem for size in self.sizes if (problem := size.problem)), "")
+
+    @property
+    def most_unlinked(self) -> int:
+        """How much it may hold in files that have no name any more."""
+        return UNLINKED_BYTES + UNLINKED_TIMES * sum(size.most_bytes for size in self.sizes)
 
     @property
     def swollen(self) -> str:
@@ -118,11 +154,11 @@ def watch(start: Callable[[int], Process], bounds: Bounds, jail: str = "") -> Fi
     drain.start()
     with os.fdopen(reading, "rb") as pipe:
         told = pipe.read()
-    first = None
+    first, used, before = None, _Used(started), _children()
     try:
         if told and isinstance(process, subprocess.Popen):
             first = _First(json.loads(told)["child-pid"])
-        killed = _wait(process, bounds, started)
+        killed, late = _wait(process, bounds, started, used)
     finally:
         if process.poll() is None:
             _kill(process)
@@ -131,12 +167,20 @@ def watch(start: Callable[[int], Process], bounds: Bounds, jail: str = "") -> Fi
     spent = time.perf_counter() - started
     drain.join(1.0)
     if jail and not told:
-        last = " ".join(_text(said).split()) or "it said nothing"
+        last = plain(" ".join(_text(said).split())) or "it said nothing"
         raise NotFound(f"the sandbox {jail} cannot be made: {last}")
-    late = bool(killed) and spent >= bounds.seconds
+    killed = killed or bounds.overfull  # it may have ended between two looks
     if not killed and process.returncode and bounds.group and bounds.group.swelled:
         killed = bounds.swollen
-    return Finished(process.wait(), spent, _text(said), killed, late)
+    whole = process.used if isinstance(process, Confined) else _children() - before
+    used.busy = max(used.busy, whole)
+    return Finished(process.wait(), spent, _text(said), killed, late, used.seconds)
+
+
+def _children() -> float:
+    """Seconds of a processor of all children that were waited for."""
+    found = os.times()
+    return found.children_user + found.children_system
 
 
 def _text(said: bytearray) -> str:
@@ -184,23 +228,78 @@ def _adopt_orphans(pid: int) -> None:
     confine.libc.prctl(confine.PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
-def _wait(process: Process, bounds: Bounds, started: float) -> str:
-    """Why it was ended; empty if it ended by itself."""
+class _Used:
+    """Seconds that a program has used: the time of a processor that all its processes took together, and the
+    time in which none of them wanted one. While others keep the machine busy nothing is counted.
+    """
+
+    def __init__(self, started: float) -> None:
+        self.busy, self.idle, self.looked = 0.0, 0.0, started
+
+    def look(self, root: int) -> None:
+        """At a process and all below it."""
+        now, (busy, wants) = time.perf_counter(), _processor(root)
+        if not wants and busy <= self.busy:
+            self.idle += now - self.looked
+        self.busy, self.looked = max(self.busy, busy), now
+
+    @property
+    def seconds(self) -> float:
+        return self.busy + self.idle
+
+
+def _processor(root: int) -> tuple[float, bool]:
+    """Seconds of a processor of a process, all below it and those that they have waited for; whether one of
+    them wants more, or waits for a disk.
+    """
+    ticks, wants = 0, False
+    for pid in tree(root):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            ticks += sum(map(int, _stat(Path(f"/proc/{pid}/stat"))[11:15]))
+            threads = Path(f"/proc/{pid}/task").iterdir()
+            wants = wants or any(_stat(thread / "stat")[0] in "RD" for thread in threads)
+    return ticks / os.sysconf("SC_CLK_TCK"), wants
+
+
+def _stat(file: Path) -> list[str]:
+    """The fields behind the name, which may hold anything."""
+    return file.read_text(errors="replace").rpartition(")")[2].split()
+
+
+def _unlinked(root: int) -> int:
+    """Bytes on disk of files without a name that a process and all below it hold open or in memory."""
+    sizes: dict[tuple[int, int], int] = {}
+    for pid in tree(root):
+        with contextlib.suppress(OSError):
+            for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+                with contextlib.suppress(OSError):
+                    found = descriptor.stat()
+                    if stat.S_ISREG(found.st_mode) and not found.st_nlink:
+                        sizes[found.st_dev, found.st_ino] = found.st_blocks * 512
+    return sum(sizes.values())
+
+
+def _wait(process: Process, bounds: Bounds, started: float, used: _Used) -> tuple[str, bool]:
+    """Why it was ended, empty if it ended by itself; whether its time was over."""
     while True:
-        left = bounds.seconds - (time.perf_counter() - started)
-        if _ends(process, max(min(left, WATCH_SECONDS), 0.001)):
-            return ""
+        left, wall = bounds.seconds - used.seconds, bounds.wall - (time.perf_counter() - started)
+        if _ends(process, max(min(left, wall, WATCH_SECONDS), 0.001)):
+            return "", False
+        used.look(process.pid)
         reason = ""
-        if left <= 0:
+        if late := used.seconds >= bounds.seconds:
             reason = f"not finished after {bounds.seconds:.0f} s, the limit of the assignment"
+        elif late := wall <= 0:
+            reason = f"not finished after {bounds.wall:.0f} s, of which it worked {used.seconds:.0f} s"
         elif _memory(process.pid) > bounds.memory_mb << 20:
             reason = bounds.swollen
+        elif _unlinked(process.pid) > bounds.most_unlinked:
+            reason = f"more than {bounds.most_unlinked >> 20} MB written into files without a name"
         else:
-            full = next((s for s in bounds.sizes if _written(s) > s.most_bytes), None)
-            reason = f"more than {full.most_bytes >> 20} MB written, which is the limit" if full else ""
+            reason = bounds.overfull
         if reason:
             _kill(process)
-            return reason
+            return reason, late
 
 
 def _ends(process: Process, seconds: float) -> bool:
@@ -234,17 +333,4 @@ def _memory(root: int) -> int:
     for pid in tree(root):
         with contextlib.suppress(OSError, ValueError, IndexError):
             total += int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * page
-    return total
-
-
-def _written(size: Size) -> int:
-    """Bytes on disk below a folder; more than can be if it holds too many files."""
-    total = count = 0
-    for where, _, names in os.walk(size.folder):
-        for name in names:
-            count += 1
-            if count > size.most_files:
-                return 1 << 62
-            with contextlib.suppress(OSError):
-                total += os.lstat(Path(where) / name).st_blocks * 512
     return total

@@ -13,7 +13,7 @@ from raycheck.stats.verdict import Outcome
 def results_json(result: StudentResult) -> str:
     """The file that Gradescope reads at /autograder/results/results.json."""
     data: dict[str, Any] = {
-        "score": result.total, "execution_time": round(result.seconds), "output": _overall(result),
+        "score": result.total, "output": _overall(result),
         "output_format": "text", "visibility": "visible", "stdout_visibility": "hidden",
         "tests": [_test(task, index + 1) for index, task in enumerate(result.tasks)],
         "leaderboard": _leaderboard(result),
@@ -35,7 +35,7 @@ def _leaderboard(result: StudentResult) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = [{"name": "Points", "value": result.total}]
     for task in (task for task in result.tasks if task.verdict is Outcome.PASS):
         for what in ("noise", "speed"):
-            found = [getattr(scene, what) for scene in task.scenes]
+            found = [getattr(scene, what) for scene in task.scenes if not scene.hidden]
             ratios = [one["ratio"] for one in found if one]
             if ratios:
                 ratio = float(f"{max(ratios):.3g}")

@@ -3,7 +3,7 @@
 import re
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jinja2
 from markupsafe import Markup
@@ -47,19 +47,30 @@ def student_page(assignment: Assignment, result: StudentResult, everything: bool
     return template.render(assignment=assignment, result=result, everything=everything)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Cluster:
     """Students who probably share a mistake."""
 
     what: str
-    students: list[str]
+    written: bool
+    """Whether there was a picture, or a program at least: else there is hardly a mistake to speak of."""
+    tasks: dict[str, list[str]] = field(default_factory=dict)
+    """By student: where it is seen."""
+    picture: str = ""
+    """The address of one that shows it."""
+
+    @property
+    def students(self) -> list[str]:
+        return list(self.tasks)
 
 
 def course_page(assignment: Assignment, results: Sequence[StudentResult], pages: Mapping[str, str]) -> str:
     """`pages` are addresses of the students' pages, relative to this one."""
     solved = [sum(r.tasks[i].verdict is Outcome.PASS for r in results) for i in range(len(assignment.tasks))]
     return _environment().get_template("course.html").render(
-        assignment=assignment, results=results, pages=pages, solved=solved, clusters=clusters(results),
+        assignment=assignment, results=results, pages=pages, solved=solved,
+        clusters=[one for one in clusters(results) if one.written],
+        unwritten=[one for one in clusters(results) if not one.written],
         borderline=list(borderline(results)), review=sum(r.review for r in results),
         median=statistics.median(r.total for r in results) if results else 0.0,
         sandbox=results[0].sandbox if results else "", again=any(r.earlier for r in results),
@@ -67,26 +78,30 @@ def course_page(assignment: Assignment, results: Sequence[StudentResult], pages:
 
 
 def clusters(results: Sequence[StudentResult]) -> list[Cluster]:
-    """Failures by what they look like, the most frequent first."""
-    found: dict[str, list[str]] = {}
+    """Failures by what they look like, whatever the task, the most frequent first."""
+    found: dict[str, Cluster] = {}
     for result in results:
-        kinds = {_kind(result.problem)} if result.problem else {
-            f"{task.id}: {_kind(next(s.reason for s in task.scenes if s.verdict is Outcome.FAIL))}"
-            for task in result.tasks
-            if task.verdict is Outcome.FAIL and task.scenes
-        }  # fmt: skip
-        for kind in sorted(kinds):
-            found.setdefault(kind, []).append(result.student)
-    rows = [Cluster(what, students) for what, students in found.items()]
-    return sorted(rows, key=lambda one: (-len(one.students), one.what))
+        if result.problem:
+            kind = _kind(result.problem)
+            found.setdefault(kind, Cluster(kind, written=False)).tasks[result.student] = []
+        for task in result.tasks:
+            failed = [scene for scene in task.scenes if scene.verdict is Outcome.FAIL]
+            if failed and task.verdict is Outcome.FAIL:
+                kind = _kind(failed[0].reason)
+                one = found.setdefault(kind, Cluster(kind, written=bool(failed[0].looks)))
+                one.tasks.setdefault(result.student, []).append(task.id)
+                one.picture = one.picture or next((p["uri"] for p in failed[0].pictures[-1:]), "")
+    return sorted(found.values(), key=lambda one: (-len(one.tasks), one.what))
 
 
 def _kind(reason: str) -> str:
-    """A reason without its figures and details: two that differ in them alone are one kind."""
+    """A reason without its figures and details: two that differ in them alone are one kind. Strangers' words
+    are no part of it.
+    """
     named = re.search(r"it looks like this mistake: “(.+?)”", reason)
     if named:
         return named.group(1)
-    general = re.sub(r" \(seed \d+\)", "", reason).split("; ")[0]
+    general = re.sub(r" \(seed \d+\)", "", re.sub("“[^”]*”", "“…”", reason)).split("; ")[0]
     return re.sub(r"\d[\d.,…±−–%×^ ]*[\d%]|\d", "…", general)[:160]
 
 

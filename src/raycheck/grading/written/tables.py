@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import unicodedata
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from junitparser import Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from raycheck.base.errors import NotFound
+from raycheck.base.text import plain
 from raycheck.grading.assignment import Assignment
 from raycheck.grading.results import NOT_EXECUTED, StudentResult, TaskResult
 from raycheck.grading.written.pages import number, sentence
@@ -26,21 +28,23 @@ def read_overrides(
     path: Path, assignment: Assignment, students: Collection[str]
 ) -> dict[tuple[str, str], Override]:
     """student,task,points,comment: by student and task; NotFound names the line that is wrong. `students`
-    are those who handed in something.
+    are those who handed in something or are on the roster.
     """
     known = {task.id: task for task in assignment.tasks}
-    found = {}
+    found: dict[tuple[str, str], Override] = {}
     for line, row in _rows(path, ("student", "task", "points")):
         try:
             points = float(row["points"])
-            if not math.isfinite(points):
+            if not (math.isfinite(points) and points >= 0):
                 raise ValueError
         except ValueError:
-            raise NotFound(f"{path}:{line}: {row['points']!r} is no number of points") from None
+            raise NotFound(f"{path}:{line}: {row['points']!r} is no number of points, 0 or more") from None
         if row["task"] not in known:
             raise NotFound(f"{path}:{line}: no task {row['task']!r}; there are {', '.join(known)}")
         if row["student"] not in students:
             raise NotFound(f"{path}:{line}: there is no submission of a student {row['student']!r}")
+        if (row["student"], row["task"]) in found:
+            raise NotFound(f"{path}:{line}: points of {row['student']!r} for {row['task']} are set twice")
         found[row["student"], row["task"]] = Override(points, row.get("comment") or "")
     return found
 
@@ -55,12 +59,21 @@ def _rows(path: Path, needed: Sequence[str]) -> Iterator[tuple[int, dict[str, st
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise NotFound(f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8'}") from None
-    reader = csv.DictReader(io.StringIO(text))
-    missing = [name for name in needed if name not in (reader.fieldnames or ())]
+    first = text.partition("\n")[0]
+    reader = csv.DictReader(io.StringIO(text), delimiter=max(",;\t", key=first.count))
+    reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or ()]
+    missing = [name for name in needed if name not in reader.fieldnames]
     if missing:
         raise NotFound(f"{path}:1: there is no column {missing[0]!r}")
     for row in reader:
-        yield reader.line_num, {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
+        cells = {k: (v or "").strip() for k, v in row.items() if isinstance(k, str)}
+        if any(cells.values()):
+            yield reader.line_num, {**cells, "student": name_of(cells["student"])}
+
+
+def name_of(text: str) -> str:
+    """A student's name, the same however its letters with accents are written."""
+    return plain(unicodedata.normalize("NFC", text))
 
 
 def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], Override]) -> None:
@@ -73,20 +86,28 @@ def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], O
             task.comment = "; ".join(filter(None, (said, task.comment)))
 
 
-def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster: Sequence[str]) -> str:
-    """The table in roster order, then whoever is not on it; who handed in nothing has empty cells."""
+def grades_csv(
+    assignment: Assignment, results: Sequence[StudentResult], roster: Sequence[str],
+    overrides: Mapping[tuple[str, str], Override] | None = None,
+) -> str:  # fmt: skip
+    """The table in roster order, then whoever is not on it; who handed in nothing has empty cells, but for
+    the teacher's points.
+    """
     by_name = {result.student: result for result in results}
     order = [*roster, *sorted(set(by_name) - set(roster))]
     file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
+    writer = csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL)
     writer.writerow(
         ["student", *(t.id for t in assignment.tasks), "total", "open", "verdict", "review", "comment"]
     )
     for student in order:
         result = by_name.get(student)
         if result is None:
-            cells = ["" for _ in assignment.tasks]
-            writer.writerow([_plain(student), *cells, "", "", "", "", "nothing handed in"])
+            set_ = [(overrides or {}).get((student, task.id)) for task in assignment.tasks]
+            total = number(sum(one.points for one in set_ if one)) if any(set_) else ""
+            said = "; ".join(["nothing handed in", *(f"points set by hand: {o.comment}" for o in set_ if o)])
+            cells = [number(one.points) if one else "" for one in set_]
+            writer.writerow([_plain(student), *cells, total, "", "", "", _plain(said)])
             continue
         points = [number(task.points) for task in result.tasks]
         verdict = " ".join(f"{task.id}:{task.verdict.value}{_mark(task)}" for task in result.tasks)
@@ -97,8 +118,12 @@ def grades_csv(assignment: Assignment, results: Sequence[StudentResult], roster:
 
 
 def _plain(text: str) -> str:
-    """No spreadsheet may take a cell for a formula."""
-    return "'" + text if text[:1] in "=+-@\t\r" and text else text
+    """A text as a cell that no spreadsheet takes for a formula, also one that ends cells elsewhere than this
+    table does: at ";", tabs and quotes.
+    """
+    text = plain(text).replace(";", ",").replace('"', "'")
+    first = unicodedata.normalize("NFKC", text).lstrip(" '")[:1]
+    return "'" + text if first and first in "=+-@|%" else text
 
 
 def _comment(result: StudentResult) -> str:
@@ -129,7 +154,7 @@ def junit_xml(results: Sequence[StudentResult]) -> str:
                 suite.add_testcase(case)
             for index, scene in enumerate(task.scenes):
                 name = f"{task.id} / {scene.scene}{f' / hidden {index}' if scene.hidden else ''}{_mark(task)}"
-                case = TestCase(name, classname=result.student, time=scene.seconds)
+                case = TestCase(name, classname=result.student, time=0.0 if scene.hidden else scene.seconds)
                 if scene.verdict is Outcome.FAIL:
                     case.result = [Failure(_clean(sentence(scene.told)), "verdict")]
                 elif scene.verdict is Outcome.INCONCLUSIVE:
