@@ -27,7 +27,7 @@ from sampling import Array, Driver, uniforms
 from scipy import stats
 
 SKIES = {"environment", "open-sky", "textured-room"}
-UNSEEN = SKIES | {"point-light", "sun-and-spot", "metal", "glass-pane", "mirror-corridor", "rough-glass"}
+UNSEEN = SKIES | {"point-light", "sun-and-spot", "metal", "glass-pane", "mirror-corridor"}
 """There no ray comes to a light from what the camera sees, but by a mirror, glass or out of the scene."""
 SCENES = [file for file in sorted((ROOT / "scenes").glob("*.xml")) if file.stem not in UNSEEN]
 BY_LIGHT = (("uniform", "area"), ("power", "facing"), ("contribution", "cone"))
