@@ -61,6 +61,21 @@ def test_samples_of_one_seed(truth, spp, times, less):
     )
 
 
+def test_rare_samples_that_the_first_images_lack_are_no_stuck_noise(truth):
+    """One sample in 600,000 is 6,000 times as bright: the pilot has none, most regions have some later."""
+
+    def render(scene, spp, seed):
+        rng, rare = np.random.default_rng(seed), 1.6e-6
+        calm = 1 + 0.3 * rng.standard_normal(truth.shape) / np.sqrt(spp)
+        return truth * (0.99 * calm + 0.01 * rng.poisson(rare * spp, (64, 64, 1)) / (rare * spp))
+
+    case = judged(render, spp=4096)
+    assert case.verdict is not Outcome.FAIL, case.reason
+    stuck = judged(lambda scene, spp, seed: noisy(truth)(scene, 1, seed), spp=4096)
+    assert stuck.verdict is Outcome.FAIL
+    assert re.search(r"^4 times the samples have [01](\.\d+)? of the variance, not 0.25:", stuck.reason)
+
+
 def test_independent_noise_is_not_called_shared():
     """However rare: one pixel in a hundred is hit, in any two images the same one by chance now and then."""
     for seed in range(20):

@@ -158,6 +158,8 @@ def stuck_noise(few: Array, spp: int, many: Array, more: int) -> str | None:
     error = GROWTH_ERROR / math.sqrt(varies.sum())
     if abs(growth - stuck) > abs(growth) or abs(growth) < GROWTH_ERRORS * error:
         return None
+    if (growth - stuck) * math.copysign(1, stuck) > GROWTH_ERRORS * error:
+        return None  # more samples have more noise: `few` lack what is rare
     return (
         f"{more / spp:.2g} times the samples have {math.exp(growth - stuck):.2g} of the variance, not "
         f"{spp / more:.2g}: the samples of a pixel are not independent, are they all of one seed?"

@@ -44,6 +44,8 @@ from raycheck.truth.provenance import provenance
 
 METHOD = 1
 """Version of how pictures are judged, see truth.provenance."""
+AGAIN = 4
+"""Noise that seems stuck is looked at again, with so many times fewer samples than were judged."""
 
 
 def judge_task(task: Task, truth: Truth, taken: Collection[int], settings: Settings) -> Case:
@@ -328,7 +330,15 @@ class Renders:
         if spp is None or problem:
             return problem
         tame = self.truth.regions(PILOT_SPP, pilot.skewness)
-        return checks.stuck_noise(region_means(few, tame), PILOT_SPP, region_means(both, tame), spp)
+        problem = checks.stuck_noise(region_means(few, tame), PILOT_SPP, region_means(both, tame), spp)
+        less = spp // AGAIN
+        if problem is None or less <= PILOT_SPP:
+            return problem
+        # Rare samples that the pilot's images lack make noise look as if it were stuck. Beside images that
+        # have them, too, only noise that is stuck does.
+        seeds = case_seeds(self.task.label, f"{self.task.technique}/again", self.settings.seed)
+        again, _ = self.render(less, seeds[:PILOT_IMAGES])
+        return checks.stuck_noise(region_means(again, tame), less, region_means(both, tame), spp)
 
     def capped(self, found: Judgement, seeds: Sequence[int]) -> str:
         """The end of the sentence of a FAIL whose samples seem to be clamped."""
