@@ -317,6 +317,7 @@ def test_help_and_version(oneray: Path) -> None:
     assert {option: " ".join(listed) for option, listed in values.items()} == {
         "--estimator": "walk nee mis light",
         "--hemisphere": "uniform cosine",
+        "--normals": "all visible",
         "--light-choice": "uniform power contribution learned",
         "--light-points": "area facing cone",
         "--mis": "balance power",
@@ -328,7 +329,7 @@ def test_help_and_version(oneray: Path) -> None:
         "--lanes": "auto",
         "--kernel": "auto generic",
     }
-    assert all(re.match(r"L\d+", words) for option in list(values)[:8] for words in values[option].values())
+    assert all(re.match(r"[LP]\d+", words) for option in list(values)[:9] for words in values[option].values())
     named = {int(number) for number in re.findall(r"L(\d+)", text)}
     assert {*range(1, 20)} - named == {16}  # mixed materials are the scene's
     assert all(len(re.findall(r"^ +\w+ *\* ", listed, re.MULTILINE)) == 1 for _, listed in found)

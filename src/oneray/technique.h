@@ -16,8 +16,8 @@
     X(HEMISPHERE_COSINE, "cosine", "L9 in proportion to the cosine")
 
 #define NORMALS(X)                                                                                           \
-    X(NORMALS_ALL, "all", "in proportion to their area across the surface's normal, seen or not")            \
-    X(NORMALS_VISIBLE, "visible", "of those that the viewer sees, as large as he sees them")
+    X(NORMALS_ALL, "all", "P1 in proportion to their area across the surface's normal, seen or not")            \
+    X(NORMALS_VISIBLE, "visible", "P1 of those that the viewer sees, as large as he sees them")
 
 #define LIGHT_CHOICES(X)                                                                                     \
     X(LIGHT_CHOICE_UNIFORM, "uniform", "L4 each with 1/N; L6 situation 1, nothing known of occlusion")       \

@@ -264,17 +264,17 @@ ROULETTE = of("estimators/roulette.h", [
      "from the first bounce, half as likely, divided", "none: right, but noisier"),
 ])  # fmt: skip
 
-GOES_ON = "(path->depth + 1 < index_of(scene->max_depth))"
+IS_LAST = "return path->depth + 1 >= index_of(scene->max_depth);"
 THROUGHPUT = "path->throughput = light_mul(path->throughput, scatter.factor);"
 ALIVE = "path->alive &= light_max(path->throughput) > real(0);"
 WALK = of("estimators/walk.h", [
-    ("depth-more", GOES_ON, "(path->depth < index_of(scene->max_depth))", "area-light mis-power", "one bounce more",
+    ("depth-more", IS_LAST, "return path->depth >= index_of(scene->max_depth);", "area-light mis-power", "one bounce more",
      "one more path length"),
-    ("depth-less", GOES_ON, "(path->depth + 2 < index_of(scene->max_depth))", "furnace walk-cosine", "one bounce fewer",
+    ("depth-less", IS_LAST, "return path->depth + 2 >= index_of(scene->max_depth);", "furnace walk-cosine", "one bounce fewer",
      "the last path length missing"),
-    ("depth-two", GOES_ON, "(path->depth + 1 < index_of(2))", "leaving-paths mis-power", "direct light alone",
+    ("depth-two", IS_LAST, "return path->depth + 1 >= index_of(2);", "leaving-paths mis-power", "direct light alone",
      "indirect x 0"),
-    ("depth-four", GOES_ON, "(path->depth + 1 < index_of(4)) & (path->depth + 1 < index_of(scene->max_depth))",
+    ("depth-four", IS_LAST, "return (path->depth + 1 >= index_of(4)) | (path->depth + 1 >= index_of(scene->max_depth));",
      "cornell-box nee", "at most four segments", "paths beyond 4 missing"),
     ("throughput-forgotten", THROUGHPUT, "path->throughput = scatter.factor;", "cornell-box nee",
      "only the last factor", "light beyond two bounces too bright"),

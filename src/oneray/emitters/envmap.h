@@ -28,7 +28,7 @@ static inline void envmap_check(void *plugin, Said *said)
     if (image->width < 2 || image->height < 2)
         fail(said, "%s: an environment is a picture of 2 x 2 pixels or more", image->file);
     for (size_t k = 0; k < 3 * (size_t)image->width * (size_t)image->height; k++)
-        least = fmin(least, (double)image->value[0][k]);
+        least = fmin(least, (double)image->value[k / 3][k % 3]);
     if (least < 0)
         fail(said, "%s: an environment's light cannot be negative, and this picture has %g", image->file, least);
     if (!(fabs(size - 1) <= 1e-3))

@@ -127,7 +127,7 @@ static void prepare_map(Scene *scene, const EmitterTraits *traits)
     map->column_p_stay = keep(scene, width * rows, sizeof *map->column_p_stay);
     map->column_alias = keep(scene, width * rows, sizeof *map->column_alias);
     for (size_t k = 0; k < 3 * width * (rows + 1); k++)
-        map->pixels[k] = (Num)(image->value[0][k] * unit);
+        map->pixels[k] = (Num)(image->value[k / 3][k % 3] * unit);
     for (size_t j = 0; j < rows; j++) {
         double fill = cos(PI * (double)j / (double)rows) - cos(PI * (double)(j + 1) / (double)rows), sum = 0;
         for (size_t i = 0; i < width; i++) {

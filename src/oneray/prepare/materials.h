@@ -214,7 +214,7 @@ static void prepare_pixels(Scene *scene, const Description *d)
     for (size_t i = 0, at = 0; i < (size_t)d->images.count; at += pixels_of(d->images.all[i++])) {
         const Image *image = d->images.all[i];
         for (size_t k = 0; k < 3 * pixels_of(image); k++)
-            t->pixels[3 * at + k] = (Num)image->value[0][k];
+            t->pixels[3 * at + k] = (Num)image->value[k / 3][k % 3];
         for (int row = 0; row < d->texture_count; row++)
             if (texture_traits(&d->textures[row]).image == image)
                 t->first[row + 1] = (Int)at;
