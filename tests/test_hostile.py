@@ -310,7 +310,7 @@ def test_no_picture_sees_what_another_has_read(place: Path) -> None:
 
 def test_a_grading_that_is_ended_leaves_nothing(place: Path) -> None:
     (place / "class/slow").mkdir(parents=True)
-    written(place / "class/slow/raycheck.toml", 'command = "sleep 60 {output}"')
+    written(place / "class/slow/raycheck.toml", "command = \"sh -c 'sleep 60' {output}\"")
     (place / "tmp").mkdir()
     words = [sys.executable, "-c", "from raycheck.commands.app import app; app()", "grade", "--no-sandbox"]
     words += [
@@ -324,7 +324,7 @@ def test_a_grading_that_is_ended_leaves_nothing(place: Path) -> None:
     environment = {**os.environ, "TMPDIR": str(place / "tmp")}
     grading = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 60
-    while not list((place / "tmp").glob("*/*")) and time.monotonic() < until:
+    while not list((place / "tmp").glob("*/tmp/*/submission")) and time.monotonic() < until:
         time.sleep(0.05)
     grading.terminate()
     said = grading.communicate(timeout=60)[1]
