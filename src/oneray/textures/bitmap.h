@@ -71,7 +71,7 @@ INLINE void bitmap_pixels(Real u, Real n, Real wrap, Real nearest, Index pixel[2
     Real at = select(repeat, once, select(mirror, back, real_min(real_max(u, real(0)), real(1)))) * n;
     /* counted from one pixel before the first */
     at = real_min(at, n - real(BY_PRECISION(1e-3, 1e-9))) + select(nearest > real(0), real(1), real(0.5));
-    Index before = real_floor(at), last = real_floor(n) - 1;
+    Index before = real_floor(at), last = real_floor(real_max(n, real(1))) - 1; /* n is 0 where there is no texture */
     *share = only(mask_not(nearest > real(0)), real_fraction(at));
     pixel[0] = index_select(before == 0, index_select(repeat, last, index_of(0)), before - 1);
     pixel[1] = index_select(before > last, index_select(repeat, index_of(0), last), before);
