@@ -329,7 +329,8 @@ def test_help_and_version(oneray: Path) -> None:
         "--lanes": "auto",
         "--kernel": "auto generic",
     }
-    assert all(re.match(r"[LP]\d+", words) for option in list(values)[:9] for words in values[option].values())
+    said = [words for option in list(values)[:9] for words in values[option].values()]
+    assert all(re.match(r"[LP]\d+", words) for words in said)
     named = {int(number) for number in re.findall(r"L(\d+)", text)}
     assert {*range(1, 20)} - named == {16}  # mixed materials are the scene's
     assert all(len(re.findall(r"^ +\w+ *\* ", listed, re.MULTILINE)) == 1 for _, listed in found)
