@@ -9,7 +9,13 @@ import pytest
 from sampling import Array, Driver, directions, uniforms
 
 mi = pytest.importorskip("mitsuba")
-mi.set_variant("scalar_rgb")
+
+
+@pytest.fixture(autouse=True)
+def scalar() -> None:
+    """Other files of tests have other variants."""
+    mi.set_variant("scalar_rgb")
+
 
 RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.8, 0.2, 0.1"/></bsdf>'
 GGX = '<bsdf type="roughconductor"><string name="distribution" value="ggx"/>{}</bsdf>'
