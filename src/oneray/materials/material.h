@@ -114,6 +114,13 @@ typedef struct {
     Real share;        /* 1 if it is all */
 } Part;
 
+/* f_r cosθ / pdf_w of a part, which has its share in f_r alone; 0 where no direction is taken so. */
+INLINE Light factor_of(Light f_r, Real pdf_w, Real cosine, const Part *part, Features f)
+{
+    Real whole = f.has & HAS_BLEND ? pdf_w * part->share : pdf_w;
+    return light_scale(f_r, only(pdf_w > real(0), cosine / whole));
+}
+
 /* A direction that the path goes on by. */
 typedef struct {
     Vec wi;

@@ -246,8 +246,7 @@ INLINE Light principled_factor(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     PrincipledValue value = principled_value(materials, part, s, wi, cosine, f);
-    Real share = f.has & HAS_BLEND ? part->share : real(1);
-    return light_scale(value.f_r, only(value.pdf_w > real(0), real_abs(cosine) / (value.pdf_w * share)));
+    return factor_of(value.f_r, value.pdf_w, real_abs(cosine), part, f);
 }
 
 /* A microfacet of the coat, cos²θ = (1 - α^(2 (1 - u)))/(1 - α²). */

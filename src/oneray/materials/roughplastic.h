@@ -157,7 +157,7 @@ INLINE Light roughplastic_factor(
     const Materials *materials, const Part *part, const Surface *s, Vec wi, Real cosine, Features f)
 {
     RoughPlasticAt at = rough_plastic(materials, part, s, wi, cosine, f);
-    return light_scale(at.f_r, over(cosine, f.has & HAS_BLEND ? at.pdf_w * part->share : at.pdf_w));
+    return factor_of(at.f_r, at.pdf_w, cosine, part, f);
 }
 
 APART Scatter roughplastic_sample(
@@ -178,8 +178,8 @@ APART Scatter roughplastic_sample(
     Real cosine = vec_dot(s->n, wi);
     Mask up = cosine > real(0);
     RoughPlasticAt at = rough_plastic(materials, part, s, wi, real_max(cosine, real(0)), f);
-    Real weight = over(cosine, f.has & HAS_BLEND ? at.pdf_w * part->share : at.pdf_w);
-    return (Scatter){wi, light_only(up, light_scale(at.f_r, weight)), only(up, at.pdf_w), mask_none(), real(1)};
+    Light factor = factor_of(at.f_r, at.pdf_w, cosine, part, f);
+    return (Scatter){wi, light_only(up, factor), only(up, at.pdf_w), mask_none(), real(1)};
 }
 
 #endif
