@@ -26,7 +26,7 @@ from tracer import Tracer
 
 from raycheck.base.errors import ReferenceError_
 from raycheck.base.images import Image, load_image
-from raycheck.scene import code, export, materials, plugins, variants
+from raycheck.scene import code, export, materials, plugins, textures, variants
 from raycheck.scene.reader import read_scene
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -51,7 +51,7 @@ def test_the_schema_is_that_of_the_table_of_materials(tmp_path: Path) -> None:
 
 
 def test_the_table_has_all_kinds_that_oneray_has() -> None:
-    known = {"bsdf": materials.MATERIALS, "texture": materials.TEXTURES}
+    known = {"bsdf": materials.MATERIALS, "texture": textures.TEXTURES}
     for tag, table in known.items():
         plugins_of = [one for one in plugins._tables()["plugins"] if one["element"] == tag]
         assert sorted(table) == sorted(name for one in plugins_of for name in one["types"])

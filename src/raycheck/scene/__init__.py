@@ -9,7 +9,9 @@ document    the one reader and writer of the XML: defaults, parameters, referenc
             names. All that looks into a scene file does so by it
 plugins     what an element says, by oneray's tables of properties (plugins.json): all of it is asked for, or
             an error
-materials   the one table of materials and textures, by which the reader, export, its schema and code go
+coats       what a coat over a diffuse base sends back and lets through: fits and tables
+textures    the one table of textures, and
+materials   that of materials: by both the reader, export, its schema and code go
 reader      shapes, materials, lights and camera in double precision
 meshes      the triangles of the files that it names
 export      all primitives as plain data, for a renderer without an XML parser: the schema is

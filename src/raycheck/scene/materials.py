@@ -1,7 +1,8 @@
-"""The one table of materials and textures: how a scene file says each, and how it is told to others.
+"""The one table of materials: how a scene file says each, and how it is told to others.
 
 By it the reader reads, `export` writes, its schema (`scripts/make_schema.py`) and `code` know the fields. A
-new kind of material is a function that reads it, one that tells it, and a row of MATERIALS; so with textures.
+new kind of material is a function that reads it, one that tells it, and a row of MATERIALS; so with textures
+(textures.py).
 What one says that its function does not ask for is an error (plugins.py).
 """
 
@@ -10,15 +11,24 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from raycheck.base.arrays import Array
 from raycheck.scene.coats import NODES, diffuse_fresnel, rough_coat
 from raycheck.scene.document import Element
-from raycheck.scene.pictures import read_picture
 from raycheck.scene.plugins import Said, described, fail
+from raycheck.scene.textures import (
+    COLOUR,
+    NUMBER,
+    PIXELS,
+    TEXTURES,
+    Row,
+    Texture,
+    instead,
+    of_share,
+    told_texture,
+)  # fmt: skip
 
 TRANSMITTING = ("dielectric", "thindielectric", "roughdielectric", "null")
 PRINCIPLED = (
@@ -26,23 +36,7 @@ PRINCIPLED = (
     "clearcoat",
 )  # fmt: skip
 """Numbers of a principled material that a texture may stand for."""
-LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 METALS = Path(__file__).with_name("metals.json")
-Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Texture:
-    """`kind` is Mitsuba's type. `to_uv` (4, 4) acts on the surface's (u, v) first. A checkerboard has two
-    `colours` (2, 3), by turns in fields half a unit wide; a bitmap `colours` (height, width, 3), a `filter`
-    between them and a way to `wrap`, by Mitsuba's names.
-    """
-
-    kind: str
-    colours: Array
-    to_uv: Array
-    filter: str = ""
-    wrap: str = ""
 
 
 @dataclass(frozen=True)
@@ -135,7 +129,7 @@ class Source:
     def shares(self, *names: str) -> tuple[dict[str, float], dict[str, Texture]]:
         """Numbers, and the textures that stand for some."""
         elements = {name: self.said.texture(name) for name in names}
-        textures = {name: _of_share(self.texture(one)) for name, one in elements.items() if one is not None}
+        textures = {name: of_share(self.texture(one)) for name, one in elements.items() if one is not None}
         numbers = {name: np.nan if name in textures else self.said.number(name) for name in names}
         return numbers, textures
 
@@ -160,15 +154,6 @@ class Source:
         return np.array(_metals()[name]["eta"]) / beside, np.array(_metals()[name]["k"]) / beside
 
 
-def _of_share(one: Texture) -> Texture:
-    """As a number has it, in all channels: a picture's luminance; of a checkerboard, as in Mitsuba 3.9.1, the
-    means over the channels, and its colours the other way round.
-    """
-    board = one.kind == "checkerboard"
-    grey = one.colours.mean(axis=-1)[::-1] if board else one.colours @ LUMINANCE
-    return replace(one, colours=np.repeat(grey[..., None], 3, axis=-1))
-
-
 @functools.cache
 def _metals() -> dict[str, dict[str, list[float]]]:
     """Mitsuba's indices of refraction, by name (scripts/make_metals.py)."""
@@ -177,7 +162,6 @@ def _metals() -> dict[str, dict[str, list[float]]]:
 
 
 # What the schema says of fields.
-COLOUR, THREE, NUMBER = {"$ref": "#/$defs/colour"}, {"$ref": "#/$defs/three"}, {"type": "number"}
 TEXTURED: dict[str, Row] = {
     name: {"$ref": f"#/$defs/{name}"} for name in ("reflectance", "transmittance", "specular")
 }
@@ -200,10 +184,6 @@ def _roughness(what: str) -> Row:
     return {**NUMBER, "exclusiveMinimum": 0, "description": meaning}
 
 
-PIXELS: Row = {
-    "type": "array", "items": {"type": "array", "items": COLOUR},
-    "description": "Rows from the top, where v is 0; the first pixel's middle is half a pixel from its edges",
-}  # fmt: skip
 BECKMANN: Row = {"type": "boolean", "description": "Beckmann's distribution of them, else GGX"}
 ISOTROPIC = {"alpha": _roughness(""), "beckmann": BECKMANN}
 ANISOTROPIC = {
@@ -232,65 +212,6 @@ class Kind:
     """What the schema says of the fields that this has, by type."""
     holds: tuple[str, ...] = ()
     """The elements that give its parts."""
-
-
-@dataclass(frozen=True)
-class TextureKind:
-    """A kind of texture."""
-
-    read: Callable[[Said, Callable[[str], Path]], Texture]
-    """The function says where a file is that the scene calls so."""
-    told: Callable[[Texture], Row]
-    fields: Mapping[str, Row]
-
-
-def _checkerboard(said: Said, _: Callable[[str], Path]) -> Texture:
-    colours = np.stack([said.triple("color0"), said.triple("color1")])
-    return Texture("checkerboard", colours, said.transform("to_uv"))
-
-
-def _told_checkerboard(one: Texture) -> Row:
-    return {"color0": one.colours[0].tolist(), "color1": one.colours[1].tolist(), "to_uv": _told_matrix(one)}
-
-
-def _told_matrix(one: Texture) -> Row:
-    rows: Row = np.vstack([one.to_uv[:2, [0, 1, 3]], [0.0, 0, 1]]).tolist()
-    return rows
-
-
-def _bitmap(said: Said, file: Callable[[str], Path]) -> Texture:
-    colours = read_picture(file(said.word("filename")), said.flag("raw"))
-    if not ((colours >= 0) & (colours <= 1)).all():
-        fail(said.element, f"{described(said.element)}: reflectances are in [0,1], and its picture is not")
-    between = "nearest" if said.word("filter_type") == "nearest" else "bilinear"  # Mitsuba 0: trilinear
-    return Texture("bitmap", colours, said.transform("to_uv"), between, said.word("wrap_mode"))
-
-
-def _told_bitmap(one: Texture) -> Row:
-    return {
-        "pixels": one.colours.tolist(), "filter": one.filter, "wrap": one.wrap, "to_uv": _told_matrix(one)
-    }  # fmt: skip
-
-
-TEXTURES: dict[str, TextureKind] = {
-    "checkerboard": TextureKind(
-        _checkerboard, _told_checkerboard,
-        {
-            "color0": {**COLOUR, "description": "Where u and v are in the same half of their unit"},
-            "color1": {**COLOUR, "description": "Elsewhere"},
-            "to_uv": {**THREE, "description": "Matrix that makes of (u, v, 1) the place on the board"},
-        },
-    ),
-    "bitmap": TextureKind(
-        _bitmap, _told_bitmap,
-        {
-            "pixels": PIXELS, "filter": {"enum": ["bilinear", "nearest"]},
-            "wrap": {"enum": ["repeat", "mirror", "clamp"], "description": "Outside of (0, 0) to (1, 1)"},
-            "to_uv": {**THREE, "description": "Matrix that makes of (u, v, 1) the place on the picture"},
-        },
-    ),
-}  # fmt: skip
-"""By Mitsuba's name."""
 
 
 def _diffuse(of: Source) -> Material:
@@ -583,15 +504,6 @@ def read_material(
         return kind.read(Source(said, [inner(one) for one in held if one not in pictures], pictures, texture))
 
 
-def read_texture(element: Element, file: Callable[[str], Path]) -> Texture:
-    """Of a <texture>; `file` says where one is that the scene calls so."""
-    kind = TEXTURES.get(element.attrib["type"])
-    with Said(element) as said:
-        if kind is None:
-            fail(element, f"{described(element)} is not supported by raycheck")
-        return kind.read(said, file)
-
-
 def told(one: Material) -> Row:
     """As plain data, which the schema describes."""
     row = MATERIALS[one.kind].told(one)
@@ -601,31 +513,12 @@ def told(one: Material) -> Row:
 
 def _told_colour(one: Material, name: str) -> Row:
     """It, or the texture instead: `texture` and its fields, after the name of a colour but the first."""
-    return _told_texture(name, one.textures.get(name)) or {name: getattr(one, name).tolist()}
+    return told_texture(name, one.textures.get(name)) or {name: getattr(one, name).tolist()}
 
 
 def _told_share(one: Material, own: str, name: str, number: float) -> Row:
     """Likewise, of a number that `own` is the name of."""
-    return _told_texture(name, one.textures.get(own)) or {name: number}
-
-
-def _told_texture(name: str, texture: Texture | None) -> Row:
-    if texture is None:
-        return {}
-    row = {"texture": texture.kind, **TEXTURES[texture.kind].told(texture)}
-    return {_prefix(name) + key: said for key, said in row.items()}
-
-
-def _prefix(name: str) -> str:
-    return "" if name == "reflectance" else f"{name}_"
-
-
-def _instead(name: str) -> list[Row]:
-    """The fields of a texture in the place of a colour, by kind of texture."""
-    return [
-        {_prefix(name) + key: said for key, said in {"texture": {"const": kind}, **of.fields}.items()}
-        for kind, of in TEXTURES.items()
-    ]
+    return told_texture(name, one.textures.get(own)) or {name: number}
 
 
 def schema() -> tuple[dict[str, list[Row]], list[Row]]:
@@ -634,7 +527,7 @@ def schema() -> tuple[dict[str, list[Row]], list[Row]]:
     """
     plain = {**dict.fromkeys(TEXTURED, COLOUR), **dict.fromkeys(SHARES, SHARE)}
     textured = {
-        name: [{"required": [*fields], "properties": fields} for fields in ({name: said}, *_instead(name))]
+        name: [{"required": [*fields], "properties": fields} for fields in ({name: said}, *instead(name))]
         for name, said in plain.items()
     }
     kinds = [_of_schema(name, fields) for kind in MATERIALS.values() for name, fields in kind.fields.items()]
@@ -665,7 +558,7 @@ def all_fields() -> dict[str, Row]:
     """What the schema says of the fields that materials may have, in order, but parts and pictures."""
     kinds = [fields for kind in MATERIALS.values() for fields in kind.fields.values()]
     found: dict[str, Row] = {}
-    for fields in (*kinds, *(fields for name in TEXTURED for fields in _instead(name))):
+    for fields in (*kinds, *(fields for name in TEXTURED for fields in instead(name))):
         for name, said in fields.items():
             found.setdefault(name, said)
     left_out = (PARTS, PIXELS, TABLE)

@@ -15,9 +15,10 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.scene import document
 from raycheck.scene.document import Element
-from raycheck.scene.materials import Material, Texture, read_material, read_texture
+from raycheck.scene.materials import Material, read_material
 from raycheck.scene.pictures import read_picture
 from raycheck.scene.plugins import Said, check_attributes, children, described, fail, only, uniform_scale
+from raycheck.scene.textures import Texture, read_texture
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from raycheck.base.errors import NotFound
 from raycheck.base.text import nearest
-from raycheck.scene.materials import MATERIALS, TEXTURES
+from raycheck.scene.materials import MATERIALS
+from raycheck.scene.textures import TEXTURES
 
 UNLIMITED = "bounces without limit"
 KINDS: Mapping[str, Sequence[str]] = {
