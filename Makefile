@@ -154,7 +154,7 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang libclang-rt-dev patch libllvm19 valgrind chromium bubblewrap g++
+	scripts/setup.sh clang clang-19 libclang-rt-dev patch libllvm19 valgrind chromium bubblewrap g++
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)

@@ -11,7 +11,7 @@ from building import ROOT
 SOURCES = ROOT / "src/oneray"
 
 LAYERS = (
-    {"message", "text", "version", "vectors", "kinds", "technique"},
+    {"message", "text", "version", "rounded", "vectors", "kinds", "technique"},
     {"fields", "traits"},
     {"lanes"},
     {"images"},

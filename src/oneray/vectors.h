@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "rounded.h"
+
 #define PI 3.14159265358979323846
 
 /* The first three rows of an affine matrix: a point p goes to m[i][0..2]·p + m[i][3]. */
@@ -25,7 +27,7 @@ static inline void difference(const double a[3], const double b[3], double out[3
 }
 
 /* Whatever the numbers' size: no square underflows or overflows. */
-static inline double length(const double a[3]) { return hypot(hypot(a[0], a[1]), a[2]); }
+static inline double length(const double a[3]) { return cr_hypot(cr_hypot(a[0], a[1]), a[2]); }
 
 /* The same to within a rounding or two, in a quarter of the time. */
 static inline double norm(const double a[3])
@@ -95,7 +97,7 @@ static inline double affine_determinant(const Affine *a)
    right angles. Else 0. */
 static inline double affine_uniform_scale(const Affine *a, double tolerance)
 {
-    double scale = cbrt(fabs(affine_determinant(a)));
+    double scale = cr_cbrt(fabs(affine_determinant(a)));
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             double one[3], other[3];

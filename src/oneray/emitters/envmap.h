@@ -40,9 +40,9 @@ static inline void envmap_check(void *plugin, Said *said)
     }
     /* ∫ sinθ of the function that is 1 at a row and falls to 0 at its neighbours */
     for (int j = 0; j < image->height; j++) {
-        double step = PI / (image->height - 1), weight = 2 * sin(j * step) * (1 - cos(step)) / step;
+        double step = PI / (image->height - 1), weight = 2 * cr_sin(j * step) * (1 - cr_cos(step)) / step;
         if (j == 0 || j == image->height - 1)
-            weight = 1 - sin(step) / step;
+            weight = 1 - cr_sin(step) / step;
         for (int i = 0; i < image->width; i++)
             sum += weight / 2 / image->width * image_mean(image, (size_t)i, (size_t)j);
     }

@@ -38,7 +38,7 @@ static const Plugin spot_plugin = {"spot", spot_check, {
 /* The flux is that of the cone up to the middle of its rim. */
 static inline EmitterTraits spot_traits(const Spot *e)
 {
-    double flux = 2 * PI * (1 - cos((e->cutoff_angle + e->beam_width) / 2));
+    double flux = 2 * PI * (1 - cr_cos((e->cutoff_angle + e->beam_width) / 2));
     bool sharp = e->cutoff_angle < 1e-3 || e->cutoff_angle - e->beam_width < 1e-3 * e->cutoff_angle;
     return (EmitterTraits){.from = FROM_POINT,
         .emission = e->intensity,

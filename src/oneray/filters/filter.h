@@ -45,7 +45,7 @@ static inline double filter_weight(const Filter *filter, double x)
 static inline void filter_table(Filter *filter)
 {
     enum { STEPS = 1 << 15 };
-    double r = filter->radius, h = r / STEPS, done = 0, half = 0, a = 0;
+    double r = filter->radius, h = r / (double)STEPS, done = 0, half = 0, a = 0;
     for (int i = 0; i < STEPS; i++)
         half += (filter_weight(filter, r - i * h) + filter_weight(filter, r - (i + 1) * h)) * h / 2;
     int node = 0;
@@ -53,7 +53,7 @@ static inline void filter_table(Filter *filter)
         double w_a = filter_weight(filter, r - i * h), w_b = filter_weight(filter, r - (i + 1) * h);
         a = (w_a + w_b) * h / 2;
         for (; node < FILTER_NODES; node++) {
-            double t = (double)node / FILTER_NODES, rest = t * t * half - done;
+            double t = node / (double)FILTER_NODES, rest = t * t * half - done;
             if (rest >= a)
                 break;
             double root = sqrt(fmax(w_a * w_a + 2 * (w_b - w_a) * rest / h, 0));
@@ -73,7 +73,7 @@ static inline double filter_share(const Filter *filter, double x)
     int low = 0, high = FILTER_NODES;
     while (high - low > 1)
         *(nodes[(low + high) / 2] <= d ? &low : &high) = (low + high) / 2;
-    double width = nodes[high] - nodes[low], t = (low + (width > 0 ? (d - nodes[low]) / width : 0)) / FILTER_NODES;
+    double width = nodes[high] - nodes[low], t = (low + (width > 0 ? (d - nodes[low]) / width : 0)) / (double)FILTER_NODES;
     double share = fmin(t * t / 2, .5);
     return x < 0 ? share : 1 - share;
 }

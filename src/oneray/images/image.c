@@ -1,4 +1,5 @@
 #include "images/image.h"
+#include "rounded.h"
 
 #include <limits.h>
 #include <math.h>
@@ -17,7 +18,7 @@ enum { MOST_PIXELS = 1 << 27 };
 /* IEC 61966-2-1. */
 static float decode_srgb(double x)
 {
-    return (float)(x <= 0.04045 ? x / 12.92 : pow((x + 0.055) / 1.055, 2.4));
+    return (float)(x <= 0.04045 ? x / 12.92 : cr_pow((x + 0.055) / 1.055, 2.4));
 }
 
 void image_begin(Image *image, const char *file, int64_t width, int64_t height)

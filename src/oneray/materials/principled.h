@@ -84,7 +84,7 @@ static inline void principled_row(const Principled *m, int side, PrincipledRow *
     store_share(&row->clearcoat, &m->clearcoat);
     row->front = !side;
     row->ratio = (Num)(side ? m->eta : 1 / m->eta);
-    row->ln_coat = (Num)(2 * log(.1 + (.001 - .1) * m->clearcoat_gloss));
+    row->ln_coat = (Num)(2 * cr_log(.1 + (.001 - .1) * m->clearcoat_gloss));
     row->specular_rate = (Num)m->specular_rate;
     row->coat_rate = (Num)(.25 * m->coat_rate);
     row->diffuse_rate = (Num)m->diffuse_rate;

@@ -32,15 +32,15 @@ static inline double sent_by_facets(const Microfacets *m, double c, double ratio
     enum { CAP = 32, TURN = 16 };
     double a = m->alpha_u, sine = sqrt(1 - c * c), stretch = sqrt(c * c + a * a * sine * sine), sum = 0, all = 0;
     for (int i = 0; i < CAP * TURN; i++) {
-        double v = (i / TURN + 0.5) / CAP, up = v * v * (1 + c / stretch), z = up - c / stretch;
-        double turn = PI * (i % TURN + 0.5) / TURN, ring = sqrt(fmax((1 - z) * (1 + z), 0));
-        double x = a * (ring * cos(turn) + a * sine / stretch), y = a * ring * sin(turn);
+        double v = (i / TURN + 0.5) / (double)CAP, up = v * v * (1 + c / stretch), z = up - c / stretch;
+        double turn = PI * (i % TURN + 0.5) / (double)TURN, ring = sqrt(fmax((1 - z) * (1 + z), 0));
+        double x = a * (ring * cr_cos(turn) + a * sine / stretch), y = a * ring * cr_sin(turn);
         double length = sqrt(x * x + y * y + up * up), o = fmin((sine * x + c * up) / length, 1);
         double o_t = sqrt(fmax(1 - (1 - o * o) / (ratio * ratio), 0));
         double s = (o - ratio * o_t) / (o + ratio * o_t), p = (ratio * o - o_t) / (ratio * o + o_t);
         double fresnel = (s * s + p * p) / 2, slope = (x * x + y * y) / (a * a * up * up);
         double c_i = beyond ? c / ratio - up / length * (o / ratio - o_t) : 2 * o * up / length - c;
-        double weight = m->distribution == GGX ? v : v * (1 + slope) * (1 + slope) * exp(-slope);
+        double weight = m->distribution == GGX ? v : v * (1 + slope) * (1 + slope) * cr_exp(-slope);
         all += weight;
         if (o > 0 && c_i > 0)
             sum += weight * masked(m, c_i) * (beyond ? 1 - fresnel : fresnel);

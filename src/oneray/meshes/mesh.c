@@ -105,7 +105,8 @@ static void to_the_world(Mesh *mesh, const Affine *to_world)
 #define CANCELLED 1e-9
 
 /* A vertex's normal is the mean of its triangles', each by its angle there. Thürmer & Wüthrich, Computing
-   Vertex Normals from Polygonal Facets, JGT 3(1), 1998. Where they cancel there is none, and a triangle's own holds. */
+   Vertex Normals from Polygonal Facets, JGT 3(1), 1998. Where they cancel there is none, and a triangle's own holds.
+   The angle is rounded to a float, in which libm's are the same on every host. */
 static void compute_normals(Mesh *mesh, const char *file)
 {
     int cancelled = 0;
@@ -115,7 +116,7 @@ static void compute_normals(Mesh *mesh, const char *file)
         for (int k = 0; k < 3; k++) {
             double a[3], b[3], across[3];
             triangle_edges(mesh, t, k, a, b, across);
-            double size = length(across), angle = atan2(size, dot(a, b));
+            double size = length(across), angle = (float)atan2(size, dot(a, b));
             for (int i = 0; i < 3; i++)
                 mesh->normal[mesh->triangle[t][k]][i] += angle * (across[i] / size);
             used[mesh->triangle[t][k]] = true;

@@ -24,7 +24,7 @@ static void set_side(Leaf *leaf, const Emitters *emitters, int i)
     if (emitters->shape[i] == SHAPE_CYLINDER) { /* a convex body shows a quarter of its area, in the mean */
         for (int c = 0; c < 3; c++)
             x[c] = (double)emitters->normal[i][c];
-        leaf->radius = hypot((double)emitters->radius[i], length(x));
+        leaf->radius = cr_hypot((double)emitters->radius[i], length(x));
         leaf->power *= (double)emitters->area[i] / 4;
         return;
     }
@@ -96,7 +96,7 @@ static double cone_around(const Leaf *leaves, int count, double axis[3])
     for (int i = 0; i < count; i++) {
         double across[3];
         cross(axis, leaves[i].axis, across);
-        spread = fmax(spread, atan2(length(across), dot(axis, leaves[i].axis)) + leaves[i].spread);
+        spread = fmax(spread, cr_atan2(length(across), dot(axis, leaves[i].axis)) + leaves[i].spread);
     }
     return fmin(spread, PI);
 }
@@ -116,8 +116,8 @@ static void set_node(LightNode *node, const Leaf *leaves, int count, double exte
     store(node->center, center);
     store(node->axis, axis);
     node->radius = (Num)radius;
-    node->cos = (Num)cos(spread);
-    node->sin = (Num)sin(spread);
+    node->cos = (Num)cr_cos(spread);
+    node->sin = (Num)cr_sin(spread);
     node->slack = count > 1 ? (Num)radius : 0;
     node->power = (Num)power;
     node->far = (Num)far;

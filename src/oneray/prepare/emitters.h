@@ -129,7 +129,7 @@ static void prepare_map(Scene *scene, const EmitterTraits *traits)
     for (size_t k = 0; k < 3 * width * (rows + 1); k++)
         map->pixels[k] = (Num)(image->value[k / 3][k % 3] * unit);
     for (size_t j = 0; j < rows; j++) {
-        double fill = cos(PI * (double)j / (double)rows) - cos(PI * (double)(j + 1) / (double)rows), sum = 0;
+        double fill = cr_cos(PI * (double)j / (double)rows) - cr_cos(PI * (double)(j + 1) / (double)rows), sum = 0;
         for (size_t i = 0; i < width; i++) {
             cell[i] = 0;
             for (size_t k = 0; k < 4; k++)
@@ -169,7 +169,7 @@ static void prepare_free(Scene *scene, const EmitterTraits *traits, int i)
     emitters->radius[i] = (Num)traits->radius;
     emitters->cutoff[i] = (Num)traits->spread;
     emitters->beam[i] = (Num)traits->beam;
-    emitters->extent[i] = (Num)(2 * pow(sin(traits->spread / 2), 2));
+    emitters->extent[i] = (Num)(2 * cr_pow(cr_sin(traits->spread / 2), 2));
     if (traits->from == FROM_AROUND)
         emitters->sky = i;
     if (traits->image)

@@ -74,8 +74,8 @@ static inline Facet facet_of(const Description *d, int shape, int k)
     for (int c = 0; c < f.corners; c++) {
         double x = c == 1 || c == 2 ? -1 : 1, y = c < 2 ? turn : -turn;
         if (f.corners > 4) {
-            x = cos((c + 0.5) * 2 * PI / f.corners) / cos(PI / f.corners);
-            y = turn * sin((c + 0.5) * 2 * PI / f.corners) / cos(PI / f.corners);
+            x = cr_cos((c + 0.5) * 2 * PI / f.corners) / cr_cos(PI / f.corners);
+            y = turn * cr_sin((c + 0.5) * 2 * PI / f.corners) / cr_cos(PI / f.corners);
         }
         for (int i = 0; i < 3; i++) {
             f.corner[c][i] = side.middle[i] + x * side.x[i] + y * side.y[i];

@@ -470,7 +470,7 @@ static bool narrow_between_triangles(Search *s)
     for (int t = 0; t < count; t++) {
         if (count > GAP_SAMPLES) {
             size_of_triangle(d, &eye, t, &area, &view);
-            due += (area / areas + view / views) * GAP_SAMPLES / 2;
+            due += (area / areas + view / views) * (double)GAP_SAMPLES / 2;
             if (due < 1)
                 continue;
             due = fmod(due, 1);

@@ -96,7 +96,7 @@ static bool odd_material(const Description *d, Reason reason)
             if (fabs(to_uv[k / 4][k % 4]) > MOST_REPEATS)
                 return because(reason, "line %d: a texture that repeats more than %d times", d->textures[i].line, MOST_REPEATS);
     }
-    return (d->max_depth < 0 || d->max_depth > DEEPEST) && pow(most, DEEPEST) > 1e-5
+    return (d->max_depth < 0 || d->max_depth > DEEPEST) && cr_pow(most, DEEPEST) > 1e-5
            && because(reason, "paths of more than %d vertices, reflectance %.4g", DEEPEST, most);
 }
 

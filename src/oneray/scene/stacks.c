@@ -92,7 +92,7 @@ static double solid_angle(const double *const corner[3], const double p[3])
     }
     cross(to[1], to[2], across);
     return 2
-           * atan2(dot(to[0], across), size[0] * size[1] * size[2] + dot(to[0], to[1]) * size[2]
+           * cr_atan2(dot(to[0], across), size[0] * size[1] * size[2] + dot(to[0], to[1]) * size[2]
                                            + dot(to[1], to[2]) * size[0] + dot(to[2], to[0]) * size[1]);
 }
 

@@ -136,7 +136,7 @@ static Affine parse_rotate(const Node *node)
     if (fabs(size - 1) > 1e-3)
         note(node, "<rotate>: the axis has length %g: as in Mitsuba, which does not normalise it, that is no rotation; "
              "length 1 is", size);
-    double c = cos(angle), s = sin(angle);
+    double c = cr_cos(angle), s = cr_sin(angle);
     if (fmod(degrees, 90) == 0) {               /* quarter turns are exact: the axes stay axes */
         c = nearbyint(c);
         s = nearbyint(s);
@@ -312,7 +312,7 @@ static void blackbody(const Node *node, double kelvin, double scale, double rgb[
     double xyz[3] = {0, 0, 0};
     for (int i = 0; i < 1000; i++) {
         double w = CIE_FIRST + (i + .5) * step, m = w * 1e-9;
-        double light = scale * 2e-9 * h * c * c / (pow(m, 5) * expm1(h * c / (m * k * kelvin)));
+        double light = scale * 2e-9 * h * c * c / (cr_pow(m, 5) * cr_expm1(h * c / (m * k * kelvin)));
         for (int one = 0; one < 3; one++)
             xyz[one] += at_wavelength(cie_xyz[one], w) * light;
     }

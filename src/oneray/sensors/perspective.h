@@ -28,7 +28,7 @@ static inline double focal_length_fov(const char *text, const Place *place)
         length -= 2;
     if (length >= 64 || !is_number(text, length, &mm) || !(mm > 1e-6 && mm < 1e6))
         fail(place, "\"focal_length\" = \"%.80s\" is not a number of millimetres, as \"50mm\" is", text);
-    return 360 / PI * atan(hypot(36, 24) / (2 * mm));
+    return 360 / PI * cr_atan2(cr_hypot(36, 24), 2 * mm);
 }
 
 static inline void perspective_check(void *plugin, Said *said)
@@ -60,9 +60,9 @@ static inline void perspective_frame(const Perspective *s, const Frame *f, doubl
 {
     double aspect = (double)f->film_width / f->film_height;
     bool along_x = s->fov_axis == FOV_X || s->fov_axis == (aspect > 1 ? FOV_LARGER : FOV_SMALLER);
-    half[0] = tan(s->fov * PI / 360);
+    half[0] = cr_tan(s->fov * PI / 360);
     if (s->fov_axis == FOV_DIAGONAL)
-        half[0] *= aspect / hypot(aspect, 1);
+        half[0] *= aspect / cr_hypot(aspect, 1);
     else if (!along_x && aspect != 1)
         half[0] *= aspect;
     half[1] = half[0] / aspect;
@@ -80,7 +80,7 @@ static inline SensorTraits perspective_traits(const Perspective *s, const Frame 
     traits.pixel = fmin(2 * half[0] / frame->width, 2 * half[1] / frame->height);
     for (int i = 0; i < 2; i++)
         half[i] *= fmax(fabs(edge[i]), fabs(edge[i] - 2)) + border_of(frame, i);
-    traits.cosine = 1 / hypot(1, hypot(half[0], half[1]));
+    traits.cosine = 1 / cr_hypot(1, cr_hypot(half[0], half[1]));
     return traits;
 }
 

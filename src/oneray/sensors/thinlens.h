@@ -30,7 +30,7 @@ static inline SensorTraits thinlens_traits(const Thinlens *s, const Frame *frame
     SensorTraits traits = perspective_traits(&s->camera, frame);
     double slope = sqrt(fmax(1 / (traits.cosine * traits.cosine) - 1, 0)) + s->aperture_radius / s->focus_distance;
     traits.reach = s->aperture_radius;
-    traits.cosine = 1 / hypot(1, slope);
+    traits.cosine = 1 / cr_hypot(1, slope);
     return traits;
 }
 

@@ -82,7 +82,7 @@ static inline Extent cylinder_extent(const Cylinder *s)
     Side side = cylinder_side(s, 0);
     Extent e = {.least = fmin(length(side.x), length(side.axis)), .height = HUGE_VAL};
     for (int i = 0; i < 3; i++) {
-        double reach = hypot(side.x[i], side.y[i]) + fabs(side.axis[i]);
+        double reach = cr_hypot(side.x[i], side.y[i]) + fabs(side.axis[i]);
         e.low[i] = side.middle[i] - reach;
         e.high[i] = side.middle[i] + reach;
     }
