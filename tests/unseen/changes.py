@@ -329,7 +329,7 @@ CAMERA = of("sensors/camera.h", [
 ])  # fmt: skip
 
 PERSPECTIVE = of("sensors/perspective.h", [
-    ("view-small-angle", "half[0] = tan(s->fov * PI / 360);", "half[0] = s->fov * PI / 360;", "cornell-box nee",
+    ("view-small-angle", "half[0] = cr_tan(s->fov * PI / 360);", "half[0] = s->fov * PI / 360;", "cornell-box nee",
      "the angle for its tangent", "other: zoomed in"),
     ("view-squeezed", "half[1] = half[0] / aspect;", "half[1] = half[0] / aspect * 1.03;", "cornell-box nee",
      "pixels that are no squares", "other: squeezed"),
