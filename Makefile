@@ -120,7 +120,7 @@ FUZZERS := $(foreach f,scene ply obj serialized,$(BUILD)/fuzz/$(f))
 FUZZ_CFLAGS := -std=c99 -D_XOPEN_SOURCE=700 $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
     -Isrc/oneray -I$(BUILD) $(PKG_CFLAGS) -include tests/fuzz/harness.h
 stems = $(basename $(notdir $(wildcard src/oneray/$(1)/*.c)))
-FUZZ_MESH := harness message text $(call stems,meshes)
+FUZZ_MESH := harness message rounded text $(call stems,meshes)
 FUZZ_SCENE := $(FUZZ_MESH) $(call stems,trees) $(call stems,images) $(call stems,scene)
 vpath %.c tests/fuzz
 

@@ -23,7 +23,7 @@ SOURCES = (
     *(f"meshes/{name}.c" for name in ("mesh", "obj", "ply", "serialized")),
     *(f"scene/{name}.c" for name in ("description", "hints")),
     *(f"trees/{name}.c" for name in ("bvh", "mesh_tree")),
-    *("message.c", "text.c"),
+    *("message.c", "rounded.c", "text.c"),
 )
 
 

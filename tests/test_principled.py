@@ -238,6 +238,21 @@ def test_a_texture_may_stand_for_a_number_as_in_mitsuba(driver: Driver, name: st
         np.testing.assert_allclose(np.quantile(np.abs(mine - theirs) / (theirs + 1e-3), 0.97), 0, atol=1e-4)
 
 
+@pytest.mark.parametrize("colour", ['<rgb {} value="0.9, 0.2, 0.1"/>', '<spectrum {} value="0.4"/>'])
+@pytest.mark.parametrize("name", SHARES)
+def test_a_colour_that_stands_for_a_number_is_its_mean(driver: Driver, name: str, colour: str) -> None:
+    said = {one: value for one, value in SETS["all"].items() if one != name}
+    coloured = principled(said, COLOUR + colour.format(f'name="{name}"'))
+    agree(driver, coloured, 1, 3)
+    wo, wi = on_side(300, 3, 1), directions(300, 4)[:, : on_side(300, 3, 1).shape[1]]
+    for mine, number in zip(
+        evaluated(driver, coloured, wo, wi),
+        evaluated(driver, principled({**said, name: 0.4}), wo, wi),
+        strict=True,
+    ):
+        np.testing.assert_allclose(mine, number, rtol=1e-12)
+
+
 @pytest.mark.parametrize("roughness", [0, 1e-3, 1])
 def test_there_is_a_finite_number_everywhere(driver: Driver, wide: list[Driver], roughness: float) -> None:
     cosine = np.concatenate([10.0 ** np.linspace(-12, -3, 300), np.linspace(1e-3, 1, 300)])

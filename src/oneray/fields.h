@@ -13,7 +13,7 @@ typedef enum {
     AS_COLOUR,    /* double[3] */
     AS_EMISSION,  /* double[3] */
     AS_REFLECTANCE, /* Reflectance */
-    AS_SHARE,     /* Reflectance: a number that a texture may stand for, three times */
+    AS_SHARE,     /* Reflectance: a number that a colour or a texture may stand for, three times */
     AS_VECTOR,    /* double[3] */
     AS_INTEGER,   /* int */
     AS_BOOLEAN,   /* bool */

@@ -24,7 +24,7 @@ static const struct {
     [AS_COLOUR] = {"<rgb>, <spectrum>, <float> or <integer>", 3},
     [AS_EMISSION] = {"<rgb>, <spectrum>, <blackbody>, <float> or <integer>", 3},
     [AS_REFLECTANCE] = {"<rgb>, <spectrum>, <float>, <integer>, <texture> or <ref>", 3}, [AS_VECTOR] = {"<point> or <vector>", 3},
-    [AS_SHARE] = {"<float>, <integer>, <texture> or <ref>", 3},
+    [AS_SHARE] = {"<float>, <integer>, <rgb>, <spectrum>, <texture> or <ref>", 3},
     [AS_INTEGER] = {"<integer>", 0}, [AS_BOOLEAN] = {"<boolean>", 0}, [AS_STRING] = {"<string>", 0},
     [AS_WORD] = {"<string>", 0}, [AS_TRANSFORM] = {"<transform>", 0}, [AS_FILE] = {"<string>", 0},
     [AS_ANYTHING] = {"<float>, <integer>, <boolean> or <string>", 0}};
@@ -447,10 +447,14 @@ static void read_value(const Node *node, const Field *field, const char *text, v
     case AS_COLOUR:
     case AS_EMISSION: parse_colour(node, text, field->kind, to); break;
     case AS_REFLECTANCE:
-    case AS_SHARE:
-        parse_colour(node, text, field->kind, ((Reflectance *)to)->most);
-        memcpy(((Reflectance *)to)->least, ((Reflectance *)to)->most, sizeof((Reflectance *)to)->least);
+    case AS_SHARE: {
+        double *share = ((Reflectance *)to)->most;
+        parse_colour(node, text, field->kind, share);
+        if (field->kind == AS_SHARE && !gives(node, AS_FLOAT)) /* a colour for a number: the mean, as in Mitsuba */
+            share[0] = share[1] = share[2] = (share[0] + share[1] + share[2]) / 3;
+        memcpy(((Reflectance *)to)->least, share, sizeof((Reflectance *)to)->least);
         break;
+    }
     case AS_VECTOR: parse_xyz(node, text, true, to); break;
     case AS_INTEGER: *(int *)to = parse_integer(node, text); break;
     case AS_BOOLEAN: *(bool *)to = parse_boolean(node, text); break;

@@ -204,12 +204,16 @@ class Said:
         at = self.element if element is None else element
         if kind == "vector" and element is not None:
             return xyz(element)
+        by_colour = kind == "share" and at.tag in ("rgb", "spectrum")
+        kind = "reflectance" if by_colour else kind
         typed = element is not None and (element.tag == "blackbody" or "type" in element.attrib)
         if element is not None and (typed or (element.tag == "spectrum" and "value" not in element.attrib)):
             value = _lamp(element, kind)
         else:
             text = field["default"] if element is None else element.attrib["value"]
             value = _parsed(at, kind, text, field)
+        if by_colour:
+            value = (value[0] + value[1] + value[2]) / 3
         if field["range"] and kind != "word":
             for one in np.atleast_1d(value):
                 _check_range(at, field, float(one))
