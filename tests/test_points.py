@@ -6,11 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raycheck.base.arrays import Array
+from raycheck.base.seeds import make_seeds
 from raycheck.grading import noise, points
 from raycheck.grading.assignment import REVIEW, Assignment, Task
-from raycheck.grading.results import SceneResult, TaskResult
-from raycheck.scene.variants import Variant
+from raycheck.grading.results import SceneResult, StudentResult, TaskResult
+from raycheck.grading.written.pages import MADE_UP, borderline
+from raycheck.renderers.oneray import oneray_command, oneray_path
+from raycheck.scene.techniques import technique
+from raycheck.scene.variants import Variant, variant
 from raycheck.stats import spread
+from raycheck.stats.spread import shape
 from raycheck.stats.verdict import Outcome
 
 RIGHT, WRONG, OPEN = Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE
@@ -131,8 +137,65 @@ def test_the_standard_error_of_a_log_variance_is_its_scatter() -> None:
 
 
 def test_the_interval_of_a_ratio_is_three_standard_errors(monkeypatch) -> None:
-    monkeypatch.setattr(noise, "of_oneray", lambda *of: (np.log(2.0), 0.4))
+    monkeypatch.setattr(noise, "of_oneray", lambda *of: (np.log(2.0), 0.4, 0.0, 0.0))
     monkeypatch.setattr(noise, "log_variance", lambda images: (np.log(6.0), 0.3))
-    found = noise.compare([np.zeros((1, 1, 3))], Variant(Path("a.xml")), 4, "nee", Path())
+    found = noise.compare([np.zeros((1, 1, 3))] * 8, Variant(Path("a.xml")), 4, "nee", Path())
     assert found is not None and found.ratio == pytest.approx(3)
     assert (found.low, found.high) == pytest.approx((3 * np.exp(-1.5), 3 * np.exp(1.5)))
+
+
+# ---- noise that is made up ----
+
+
+@pytest.mark.parametrize("count", [8, 32])
+def test_the_shape_of_normal_noise_is_zero_in_its_own_errors(count: int) -> None:
+    """Whatever the deviations of its pixels are."""
+    rng = np.random.default_rng(7)
+    deviation = 10 ** rng.uniform(-3, 3, (1, 12, 12, 1))
+    found = np.array([shape(5 + deviation * rng.standard_normal((count, 12, 12, 3))) for _ in range(300)])
+    assert np.abs(found.mean(axis=0)).max() < 4 / np.sqrt(300)
+    assert found.std(axis=0) == pytest.approx([1, 1], rel=0.17)
+
+
+def test_shape_tells_skewed_and_flat_noise() -> None:
+    rng = np.random.default_rng(8)
+    assert shape(rng.exponential(size=(16, 16, 16, 3)))[0] > 20
+    assert shape(rng.uniform(size=(16, 16, 16, 1)))[1] < -10
+    assert shape(np.ones((16, 4, 4, 3))) == (0, 0)
+
+
+SEEN = ("area-light", "many-lights", "cornell-box")
+"""Their noise is far from normal."""
+
+
+@pytest.mark.parametrize("scene", SEEN)
+def test_a_picture_with_normal_noise_is_told_from_an_estimator(scene: str, tmp_path: Path) -> None:
+    """Its deviations are those of the estimator; that, and four times its samples, are not told."""
+    of, spp, name = variant(scene), 4, "nee"
+    command = oneray_command(oneray_path(), technique(name).options, of.parameters)
+
+    def images(spp: int, salt: str) -> Array:
+        return np.stack(
+            [command.render(of.path, spp, s, 60.0).image.pixels for s in make_seeds(salt, noise.IMAGES)]
+        )
+
+    honest = images(spp, "honest")
+    deviation = honest.std(axis=0, ddof=1)
+    fake = honest.mean(axis=0) + deviation * np.random.default_rng(9).standard_normal(honest.shape)
+    told = {
+        which: noise.compare(list(made), of, spp, name, tmp_path)
+        for which, made in (("honest", honest), ("more samples", images(4 * spp, "more")), ("fake", fake))
+    }
+    assert {which: found.made_up for which, found in told.items() if found} == {
+        "honest": False, "more samples": False, "fake": True,
+    }  # fmt: skip
+
+
+def test_the_class_page_says_who_should_look_at_made_up_noise() -> None:
+    told = scene(RIGHT, {**ratio(1, 1), "made_up": True})
+    results = [StudentResult("Ann", "a", [earned(told, noise_points=2)], "none")]
+    assert [(who, why) for who, _, why in borderline(results)] == [("Ann", MADE_UP)]
+    assert (
+        results[0].total
+        == StudentResult("Ann", "a", [earned(scene(RIGHT, ratio(1, 1)), noise_points=2)], "").total
+    )

@@ -1,4 +1,4 @@
-"""The noise level: variance of a sample over oneray's, which shows what was really written."""
+"""The noise: variance of a sample over oneray's, which shows what was really written; and whether it is made up."""
 
 import hashlib
 import json
@@ -17,12 +17,14 @@ from raycheck.renderers.oneray import oneray_command, oneray_path
 from raycheck.scene import variants
 from raycheck.scene.techniques import technique
 from raycheck.scene.variants import Variant
-from raycheck.stats.spread import log_variance
+from raycheck.stats.spread import log_variance, shape
 
 IMAGES = 32
 KEPT = "noise.json"
 SURE = 3.0
 """Half the width of the interval in standard errors."""
+NORMAL, FAR = 4.0, 12.0
+"""`shape` of noise that may be a normal distribution's, and of such as cannot."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class Noise:
     low: float
     high: float
     technique: str
+    made_up: bool = False
+    """It is that of normally distributed numbers, where oneray's is far from it."""
 
 
 def compare(pictures: Sequence[Array], of: Variant, spp: int, name: str, folder: Path) -> Noise | None:
@@ -40,20 +44,31 @@ def compare(pictures: Sequence[Array], of: Variant, spp: int, name: str, folder:
     as of `of_oneray`.
     """
     ours, ours_error = log_variance(np.stack(pictures))
-    theirs, theirs_error = of_oneray(of, spp, name, folder)
+    theirs, theirs_error, *far = of_oneray(of, spp, name, folder)
     if not (math.isfinite(ours) and math.isfinite(theirs)):
         return None
     half = SURE * math.hypot(ours_error, theirs_error)
     middle = ours - theirs
-    return Noise(math.exp(middle), math.exp(middle - half), math.exp(middle + half), name)
+    low, high = math.exp(middle - half), math.exp(middle + half)
+    return Noise(math.exp(middle), low, high, name, made_up(np.stack(pictures), far, low))
 
 
-def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, float]:
-    """log of the mean variance of a pixel and its standard error, with oneray's technique `name`: measured
-    once and kept in `folder` by all that it depends on.
+def made_up(pictures: Array, far: Sequence[float], ratio: float) -> bool:
+    """Whether noise is normal where that of the estimator asked for is `far` (`shape` of IMAGES pictures),
+    also with so many samples more that the variance is `ratio` times as large: sums of k samples have 1/√k of
+    their skewness and 1/k of their kurtosis.
+    """
+    fewer = math.sqrt(len(pictures) / IMAGES)
+    wanted = far[0] * fewer * math.sqrt(min(ratio, 1.0)), far[1] * fewer * min(ratio, 1.0)
+    return max(map(abs, shape(pictures))) < NORMAL and max(map(abs, wanted)) > FAR
+
+
+def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, float, float, float]:
+    """log of the mean variance of a pixel and its standard error, and the noise's `shape`, with oneray's
+    technique `name`: measured once and kept in `folder` by all that it depends on.
     """
     scene = variants.scene_hash(of.path, of.parameters)
-    what = (builds.oneray_hash(), scene, of.label, name, technique(name).options, spp, IMAGES)
+    what = ("shape", builds.oneray_hash(), scene, of.label, name, technique(name).options, spp, IMAGES)
     key = hashlib.sha256(repr(what).encode()).hexdigest()
     file = folder / KEPT
     kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
@@ -61,6 +76,6 @@ def of_oneray(of: Variant, spp: int, name: str, folder: Path) -> tuple[float, fl
         command = oneray_command(oneray_path(), technique(name).options, of.parameters)
         seeds = make_seeds(f"noise/{of.label}/{name}", IMAGES)
         images = [command.render(of.path, spp, seed, 600.0).image.pixels for seed in seeds]
-        kept[key] = log_variance(np.stack(images))
+        kept[key] = (*log_variance(np.stack(images)), *shape(np.stack(images)))
         write_whole(file, json.dumps(kept, indent=1) + "\n")
     return tuple(kept[key])

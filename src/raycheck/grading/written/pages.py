@@ -16,6 +16,10 @@ from raycheck.grading.results import NOT_EXECUTED, StudentResult
 from raycheck.stats.verdict import Outcome
 
 TEMPLATES = PACKAGE / "templates"
+MADE_UP = (
+    "its noise is that of normally distributed numbers, which an estimator with these samples does not make: "
+    "does the program trace rays, or add noise to a picture?"
+)
 
 
 def number(points: float) -> str:
@@ -106,7 +110,9 @@ def _kind(reason: str) -> str:
 
 
 def borderline(results: Sequence[StudentResult]) -> Iterator[tuple[str, str, str]]:
-    """(student, task, why) of verdicts that are open, or failures that fresh samples did not confirm."""
+    """(student, task, why) of verdicts that are open, failures that fresh samples did not confirm, and noise
+    that looks made up.
+    """
     for result in results:
         for task in result.tasks:
             for scene in task.scenes:
@@ -114,3 +120,5 @@ def borderline(results: Sequence[StudentResult]) -> Iterator[tuple[str, str, str
                     yield result.student, task.id, scene.reason
                 elif scene.borderline:
                     yield result.student, task.id, "a difference was seen that fresh samples did not confirm"
+                if scene.noise and scene.noise.get("made_up"):
+                    yield result.student, task.id, MADE_UP
