@@ -191,6 +191,15 @@ def test_a_picture_with_normal_noise_is_told_from_an_estimator(scene: str, tmp_p
     }  # fmt: skip
 
 
+def test_sums_of_many_samples_may_be_normal() -> None:
+    """Of 1,600 exponential ones, which a program may take where one is asked for."""
+    rng = np.random.default_rng(10)
+    one = rng.exponential(size=(noise.IMAGES, 16, 16, 1))
+    sums = list(rng.gamma(1600, size=one.shape) / 1600)
+    assert not noise.made_up(sums, shape(one), 1 / 1600)
+    assert noise.made_up(sums, shape(one), 1)
+
+
 def test_the_class_page_says_who_should_look_at_made_up_noise() -> None:
     told = scene(RIGHT, {**ratio(1, 1), "made_up": True})
     results = [StudentResult("Ann", "a", [earned(told, noise_points=2)], "none")]

@@ -1,4 +1,4 @@
-"""The noise: variance of a sample over oneray's, which shows what was really written; and whether it is made up."""
+"""The noise: variance of a sample over oneray's, which shows what was really written; is it made up?"""
 
 import hashlib
 import json
