@@ -83,7 +83,7 @@ def test_widths_that_this_machine_lacks(oneray: Path) -> None:
 
 @pytest.fixture(scope="module")
 def by_clang(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """oneray as the newest clang builds it, warnings being errors: the kernels for every scene, at each width."""
+    """oneray as the newest clang builds it, warnings being errors: kernels for every scene, at each width."""
     newest = next((c for c in (*(f"clang-{n}" for n in range(30, 13, -1)), "clang") if shutil.which(c)), None)
     if not newest:
         pytest.fail("clang is not installed (make test installs it)")
