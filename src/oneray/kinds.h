@@ -107,6 +107,7 @@
     X(ROULETTE, roulette, "roulette")                                                                        \
     X(SCHLICK, schlick, "Schlick's Fresnel")                                                                 \
     X(LIGHT_PATHS, light_paths, "light tracing")                                                             \
+    X(BIDIRECTIONAL, bidirectional, "bidirectional paths")                                                   \
     X(SOBOL, sobol, "Sobol' points")                                                                         \
     X(VERTICES, vertices, "vertices kept")
 

@@ -28,6 +28,23 @@ STAGE Surface surface_at(
     return s;
 }
 
+/* T1 The same as another ray sees it, whose viewer is towards wo: on the other side, perhaps, of a material that transmits. */
+INLINE Surface surface_seen_from(const Materials *materials, const Surface *s, Vec wo, Features f)
+{
+    Surface seen = *s;
+    Real cosine = vec_dot(s->n, wo);
+    seen.wo = wo;
+    seen.cos_o = real_abs(cosine);
+    seen.cos_face = real_abs(vec_dot(s->face, wo));
+    if (f.has & FINITE_TRANSMITTING) {
+        Mask behind = cosine < real(0);
+        seen.n = vec_scale(s->n, flip_sign(real(1), cosine));
+        seen.row = index_select(behind, s->row ^ 1, s->row);
+        find_material(materials, &seen, f);
+    }
+    return seen;
+}
+
 /* Vertices of paths, kept as they come: what estimators want that join paths at more than their last one. */
 typedef struct {
     double p[3], n[3], wo[3];  /* point, normal on the ray's side, unit vector to where the path came from */
