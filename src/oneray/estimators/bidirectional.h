@@ -34,6 +34,17 @@
 
 #include "estimators/light.h"
 
+/* What tests look at, a lane at a time: the vertices, number n of the eye's subpath (side 0) or a light's (1), or a point of a
+   light that only next event estimation or a met light has (2); for each (s, t) the density of (other, k + 1 - other) over its
+   own; that weight; and whether nothing was in between. */
+#ifndef NOTE_VERTEX
+#define NOTE_VERTEX(side, n, p) ((void)0)
+#define NOTE_DELTA(side, n, delta) ((void)0)
+#define NOTE_STRATEGY(other, density) ((void)0)
+#define NOTE_WEIGHT(s, t, weight) ((void)0)
+#define NOTE_ARRIVAL(arrives) ((void)0)
+#endif
+
 enum { MOST_LIGHT_VERTICES = 15, KEPT_RATIOS = 16 };
 enum { LIGHT_SUBPATH = 1 << 24 }; /* its random numbers are those of vertices from there on, beyond PATH_LIMIT */
 
@@ -90,7 +101,7 @@ typedef struct {
 STAGE Real weight_of(const Pair *pair, int s, int t, const Joined *joined, Features f)
 {
     const Chain *light = &pair->light.chain, *eye = &pair->eye.chain;
-    Real own = s == 1 && t > 1 ? joined->nee_over_start : real(1), sum = heuristic(own, f), p = real(1);
+    Real own = s == 1 && t > 1 ? joined->nee_over_start : real(1), sum = heuristic(own, f), p = real(1), other;
     for (int i = s - 1; i >= 0; i--) { /* (i, k + 1 - i), which joins x_{i-1} to x_i */
         Mask can = i ? mask_all() : joined->met;
         p = real_min(p * (i == s - 1 ? joined->y : i == s - 2 ? joined->y_before : light->ratio[i]), real(MOST_RATIO));
@@ -98,7 +109,9 @@ STAGE Real weight_of(const Pair *pair, int s, int t, const Joined *joined, Featu
             can = and_not(can, light->delta[i]);
         if (i > 1)
             can = and_not(can, light->delta[i - 1]);
-        sum = sum + only(can, heuristic(i == 1 ? p * joined->nee_over_start : p, f));
+        other = only(can, i == 1 ? p * joined->nee_over_start : p);
+        NOTE_STRATEGY(i, other / own);
+        sum = sum + heuristic(other, f);
     }
     p = real(1);
     for (int j = t - 1; j >= 1 && s + t - j <= pair->most_s; j--) { /* (s + t - j, j), which joins z_j to z_{j-1} */
@@ -108,8 +121,11 @@ STAGE Real weight_of(const Pair *pair, int s, int t, const Joined *joined, Featu
             can = and_not(can, eye->delta[j % KEPT_RATIOS]);
         if (j > 1)
             can = and_not(can, eye->delta[(j - 1) % KEPT_RATIOS]);
-        sum = sum + only(can, heuristic(s + t - j == 1 && j > 1 ? p * joined->nee_over_start : p, f));
+        other = only(can, s + t - j == 1 && j > 1 ? p * joined->nee_over_start : p);
+        NOTE_STRATEGY(s + t - j, other / own);
+        sum = sum + heuristic(other, f);
     }
+    NOTE_WEIGHT(s, t, heuristic(own, f) / sum);
     return heuristic(own, f) / sum;
 }
 
@@ -168,6 +184,7 @@ STAGE void go_on(Subpath *subpath, const Scene *scene, const Surface *s, int i, 
     if (any(and_not(path->alive, delta)))
         reverse = select(delta, reverse, pdf_w_reverse(scene, s, path->ray.d, f));
     subpath->chain.delta[i % KEPT_RATIOS] = delta;
+    NOTE_DELTA(f.use & USE_LIGHT_PATHS ? 1 : 0, i, delta);
     subpath->chain.ratio[(i - 1) % KEPT_RATIOS] = reverse * subpath->to_before / subpath->before;
 }
 
@@ -202,6 +219,7 @@ INLINE void splat(Pair *pair, int s, const Eye *eye, Vec p, Index slot, Light li
     if (!any(active))
         return;
     Mask arrives = comes_through(&pair->light.path, pair->scene, &shadow, active, index_of(-1), &light, f);
+    NOTE_ARRIVAL(arrives);
     give_splats(splats, items, pair->scene, only(arrives, eye->x), only(arrives, eye->y), light, arrives, f);
 }
 
@@ -250,6 +268,7 @@ STAGE void start_light_subpath(Pair *pair, const Rng *rng, Mask active, const si
     pair->light.chain.delta[0] = mask_none();
     pair->y[0] = (LightVertex){.alpha = light_scale(emission, real(1) / start.p_0), .alive = active, .pdf = start.p_0};
     pair->vertices = 1;
+    NOTE_VERTEX(1, 0, ray.o);
     if (!(f.has & HAS_AREA) || !is_wanted(scene, 1, 1))
         return;
     if (f.has & HAS_LENS)
@@ -297,6 +316,7 @@ STAGE void light_subpath_step(Pair *pair, int n, const size_t items[], Splats *s
     *y = (LightVertex){s, light_mul(path->flux, path->throughput), and_not(path->alive, s.delta), light->pdf, light->before,
         light->to_before};
     pair->vertices = n + 1;
+    NOTE_VERTEX(1, n, s.p);
     Rng *rng = &path->rng;
     Index block = index_of(LIGHT_SUBPATH + n);
     Uniforms random = random_block(rng, block, DIMENSION_VERTEX, f), choice = {{real(0)}};
@@ -375,6 +395,7 @@ INLINE void gather_light(Pair *pair, const Scene *scene, const Ray *shadow, Inde
     if (!any(active))
         return;
     Mask arrives = comes_through(path, scene, shadow, active, target, &light, f);
+    NOTE_ARRIVAL(arrives);
     path->radiance = light_add(path->radiance, light_only(arrives, light));
 }
 
@@ -403,6 +424,7 @@ STAGE void bidirectional_next_event(
     Light light = light_scale(light_mul(surface.f_r, sample.weight), received(cosine, f));
     Vec o = vec_add(z->p, vec_scale(sample.wi, sample.distance));
     EmitPdf start = start_pdf(emitters, i, o, vec_neg(sample.wi), f);
+    NOTE_VERTEX(2, 0, o);
     Real inverse_dd = select(start.far, real(1), inverse_square(dd)), face = real_abs(vec_dot(z->face, sample.wi));
     start.cosine = real_abs(start.cosine);
     Joined joined = {.y = surface.pdf_w * start.cosine * inverse_dd / start.p_0,
@@ -459,6 +481,8 @@ STAGE void eye_subpath_step(Pair *pair, int t, const Real lens[2], Features f)
         pdf = seen.weight * z.cos_face;
     }
     Light alpha = light_scale(path->throughput, eye->compression);
+    NOTE_VERTEX(0, t - 1, z.p);
+    NOTE_VERTEX(2, 0, z.p);
     if (is_wanted(scene, 0, t)) {
         Light met = bidirectional_emission(pair, t, hit, &z, front, pdf, f);
         path->radiance = light_add(path->radiance, light_only(path->alive, light_mul(alpha, met)));
@@ -481,11 +505,12 @@ STAGE void eye_subpath_step(Pair *pair, int t, const Real lens[2], Features f)
     go_on(eye, scene, &z, t - 1, choice, random, f);
 }
 
-/* A pair of subpaths in each active lane. */
-STAGE void trace_pair(Pair *pair, const Start *start, Mask active, const size_t items[], Splats *splats, Counters *counters, Features f)
+/* A pair of subpaths in each active lane. Returns those whose eye subpath never ends. */
+STAGE Mask trace_pair(Pair *pair, const Start *start, Mask active, const size_t items[], Splats *splats, Features f)
 {
     const Scene *scene = pair->scene;
     Path *eye = &pair->eye.path;
+    Mask endless = mask_none();
     Uniforms lens = {{real(0)}};
     pair->vertices = 0;
     if (scene->emitters.count) {
@@ -505,9 +530,8 @@ STAGE void trace_pair(Pair *pair, const Start *start, Mask active, const size_t 
         lens = random_block(&eye->rng, index_of(0), DIMENSION_EMITTER, f);
     for (int t = 2; any(eye->alive); t++) {
         eye_subpath_step(pair, t, lens.u, f);
-        Mask endless = eye->alive & (eye->depth + 1 >= index_of(PATH_LIMIT));
-        if (any(endless))
-            counters->endless = (int64_t)LANE(eye->rng.pixel, lowest_lane(mask_bits(endless)));
+        endless |= eye->alive & (eye->depth + 1 >= index_of(PATH_LIMIT));
         eye->alive = and_not(eye->alive, endless);
     }
+    return endless;
 }

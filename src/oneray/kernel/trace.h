@@ -124,7 +124,8 @@ STAGE void trace_pairs(const Scene *scene, const Job *job, Counters *counters, Q
             LANE(active, lane) = LANE(mask_all(), lane);
         }
         pair.eye.path.radiance = light_all(real(0));
-        trace_pair(&pair, &queue->start, active, queue->item, job->splats, counters, f);
+        Mask endless = trace_pair(&pair, &queue->start, active, queue->item, job->splats, f);
+        note_pixel(&pair.eye.path, endless, &counters->endless);
         for (unsigned left = mask_bits(active); left; left &= left - 1) {
             int lane = lowest_lane(left);
             light_lane(&pair.eye.path.radiance, lane, job->radiance + 3 * queue->item[lane]);
