@@ -241,3 +241,92 @@ def test_each_density_integrates_to_what_others_reach(
     assert len(values) >= 15
     worst = min(values)
     assert worst[0] * len(values) > 1e-4, worst
+
+
+def pictures(oneray: Path, file: Path, target: Path, seeds: range, *options: str) -> Array:
+    """Means of the four quarters of a picture, by seed: (seeds, 4)."""
+    found = []
+    for seed in seeds:
+        command = [oneray, file, "-o", target, "--seed", str(seed), "--quiet", *options]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        image = oiio.ImageBuf(str(target)).get_pixels(oiio.FLOAT)[..., :3].astype(float).mean(-1)
+        half = image.shape[0] // 2
+        found.append(image.reshape(2, half, 2, half).mean((1, 3)).ravel())
+    return np.array(found)
+
+
+def p_alike(a: Array, b: Array) -> float:
+    """p-value of "both have these means", of quarters by seed; that of the worst quarter, for four."""
+    return float(min(1, 4 * np.min(stats.ttest_ind(a, b, equal_var=False).pvalue)))
+
+
+PAIRS = ("--estimator", "bidirectional")
+SEEDS = range(12)
+
+
+@pytest.mark.parametrize("lens", [0, 0.3])
+def test_each_strategy_alone_is_all_of_the_light(oneray: Path, tmp_path: Path, lens: float) -> None:
+    """Where nothing is a delta and no surfaces touch every strategy renders all light on paths of its length, which
+    by next event estimation is what one more bounce brings.
+    """
+    values = []
+    for k in range(1, 6):
+        whole = pictures(oneray, scene(tmp_path, SCENES["diffuse"], k, lens), tmp_path / "a.exr", SEEDS, "--spp", "256")
+        if k > 1:
+            whole -= pictures(
+                oneray, scene(tmp_path, SCENES["diffuse"], k - 1, lens), tmp_path / "a.exr", range(100, 112),
+                "--spp", "256",
+            )  # fmt: skip
+        file = scene(tmp_path, SCENES["diffuse"], 5, lens)
+        for s in range(k + 1):
+            alone = pictures(
+                oneray, file, tmp_path / "b.exr", SEEDS, *PAIRS, "--strategy", f"{s},{k + 1 - s}", "--spp", "256"
+            )
+            values.append((p_alike(alone, whole), s, k + 1 - s, alone.mean(), whole.mean()))
+    worst = min(values)
+    assert worst[0] * len(values) > 1e-3, worst
+
+
+def test_a_strategy_samples_its_class_of_paths_alone(oneray: Path, tmp_path: Path) -> None:
+    """Before a mirror on which light paths of three edges go eye, floor or back, mirror, lamp, next event estimation
+    and joins at the mirror find none of them.
+    """
+    of = (Panel((0, 0, 0), *UP, 1, "diffuse"), Panel((-1.3, 0, 1.1), *RIGHT, 0.8, "mirror"), *LAMPS)
+    file = scene(tmp_path, of, 3)
+    whole = pictures(oneray, file, tmp_path / "a.exr", SEEDS, "--spp", "256")
+    whole -= pictures(oneray, scene(tmp_path, of, 2), tmp_path / "a.exr", range(100, 112), "--spp", "256")
+    scene(tmp_path, of, 3)
+    met = pictures(oneray, file, tmp_path / "b.exr", SEEDS, *PAIRS, "--strategy", "0,4", "--spp", "1024")
+    joined = [
+        pictures(oneray, file, tmp_path / "b.exr", SEEDS, *PAIRS, "--strategy", f"{s},{4 - s}", "--spp", "256")
+        for s in (1, 2, 3)
+    ]
+    assert p_alike(met, whole) > 1e-3
+    for some, s in zip(joined, (1, 2, 3), strict=True):
+        """The eye sees lamps in the mirror by (1, 3) only after the floor, by (3, 1) only before it."""
+        assert some.mean() < 0.98 * whole.mean(), s
+
+
+@pytest.mark.parametrize("name", ["diffuse", "glass", "frosted", "plastic", "rough"])
+def test_lamp_and_eye_can_be_exchanged(oneray: Path, tmp_path: Path, name: str) -> None:
+    """The light that comes to a point from all around is the same if the point lamp stands where the eye was and the
+    eye where the lamp was: a picture's mean, each pixel by its solid angle, cos³θ, since all panels are in view.
+    """
+    places, found = (np.array([-0.6, -3.5, 1.3]), np.array([0.7, -3.2, 0.9])), []
+    unlit = tuple(panel for panel in SCENES[name] if not panel.power)
+    for eye, lamp in (places, places[::-1]):
+        light = f'<emitter type="point"><point name="position" value="{lamp[0]}, {lamp[1]}, {lamp[2]}"/>'
+        light += '<rgb name="intensity" value="10"/></emitter>'
+        file = scene(tmp_path, light + "".join(panel.xml() for panel in unlit), 6)
+        text = file.read_text().replace("0, -4, 1.1", ", ".join(map(str, eye))).replace("0, 0, 1.1", f"{eye[0]}, 0, 1.1")
+        file.write_text(text.replace(f'"fov" value="{FOV}"', '"fov" value="80"'))
+        by_seed = []
+        for seed in range(16):
+            command = [oneray, file, "-o", tmp_path / "a.exr", "--seed", str(seed), "--quiet", *PAIRS, "--spp", "512"]
+            subprocess.run(command, check=True, capture_output=True, text=True)
+            image = oiio.ImageBuf(str(tmp_path / "a.exr")).get_pixels(oiio.FLOAT)[..., 0].astype(float)
+            across = ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1) * np.tan(np.radians(40))
+            cosine = 1 / np.sqrt(1 + across[:, None] ** 2 + across**2)
+            by_seed.append((image * cosine**3).mean())
+        found.append(np.array(by_seed))
+    assert stats.ttest_ind(*found, equal_var=False).pvalue > 1e-4, [x.mean() for x in found]
