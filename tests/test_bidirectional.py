@@ -1,10 +1,11 @@
-"""Bidirectional paths: the densities of all strategies, recomputed from a path's vertices by formulas of its own
-and by what must hold of any densities; each strategy alone; pictures.
+"""Bidirectional paths: the densities of all strategies, recomputed from a path's vertices by formulas of
+their own and by what must hold of any densities; each strategy alone; pictures.
 """
 
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,16 +45,15 @@ class Panel:
         )
 
 
+GLASS = '<float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf>'
 MATERIALS = {
     "diffuse": '<bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf>',
-    "both": '<bsdf type="twosided"><bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></bsdf>',
     "black": '<bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>',
     "mirror": '<bsdf type="conductor"><string name="material" value="none"/></bsdf>',
     "rough": '<bsdf type="roughconductor"><float name="alpha" value="0.4"/></bsdf>',
-    "frosted": '<bsdf type="roughdielectric"><float name="alpha" value="0.4"/>'
-    '<float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf>',
-    "plastic": '<bsdf type="plastic"><float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf>',
-    "glass": '<bsdf type="dielectric"><float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf>',
+    "frosted": f'<bsdf type="roughdielectric"><float name="alpha" value="0.4"/>{GLASS}',
+    "plastic": f'<bsdf type="plastic">{GLASS}',
+    "glass": f'<bsdf type="dielectric">{GLASS}',
 }
 UP, DOWN = ("", (0, 0, 1)), ('<rotate x="1" angle="180"/>', (0, 0, -1))
 RIGHT = ('<rotate y="1" angle="90"/>', (1, 0, 0))
@@ -79,13 +79,16 @@ SCENES = {
 
 def scene(folder: Path, of: tuple[Panel, ...] | str, depth: int = 5, lens: float = 0) -> Path:
     """The scene file of these panels, or of elements."""
-    kind = f'thinlens"><float name="aperture_radius" value="{lens}"/><float name="focus_distance" value="4"/' if (
-        lens) else 'perspective"'  # fmt: skip
+    kind = '"perspective">'
+    if lens:
+        kind = f'"thinlens"><float name="aperture_radius" value="{lens}"/>'
+        kind += '<float name="focus_distance" value="4"/>'
     body = of if isinstance(of, str) else "\n".join(panel.xml() for panel in of)
     file = folder / "scene.xml"
     file.write_text(f"""<scene version="3.0.0">
-<integrator type="path"><integer name="max_depth" value="{depth}"/><integer name="rr_depth" value="100"/></integrator>
-<sensor type="{kind}><float name="fov" value="{FOV}"/>
+<integrator type="path"><integer name="max_depth" value="{depth}"/>
+    <integer name="rr_depth" value="100"/></integrator>
+<sensor type={kind}<float name="fov" value="{FOV}"/>
     <transform name="to_world"><lookat origin="0, -4, 1.1" target="0, 0, 1.1" up="0, 0, 1"/></transform>
     <film type="hdrfilm"><integer name="width" value="{PIXELS}"/><integer name="height" value="{PIXELS}"/>
         <string name="pixel_format" value="rgb"/><string name="component_format" value="float32"/>
@@ -197,8 +200,8 @@ def noted(driver: Driver, file: Path, n: int, seed: int, choice: str, points: st
 
 @pytest.mark.parametrize("name", ["diffuse", "mirror", "glass"])
 def test_densities_are_those_of_the_vertices(driver: Driver, tmp_path: Path, name: str) -> None:
-    """Of thousands of paths of up to five edges every strategy's density, over that of the strategy that made the
-    path, and the balance heuristic's weight, which are recomputed from the vertices alone.
+    """Of thousands of paths of up to five edges every strategy's density, over that of the strategy that made
+    the path, and the balance heuristic's weight, which are recomputed from the vertices alone.
     """
     of = SCENES[name]
     all_of = noted(driver, scene(tmp_path, of), 4000, 1, "power", "area")
@@ -221,7 +224,7 @@ def test_densities_are_those_of_the_vertices(driver: Driver, tmp_path: Path, nam
 def test_each_density_integrates_to_what_others_reach(
     driver: Driver, tmp_path: Path, name: str, choice: str, points: str
 ) -> None:
-    """∫ p_{s'} over the paths that s can sample, too: by s the mean of p_{s'}/p_s, by s' how many they are."""
+    """∫ p_{s'} over the paths that s can sample, too: by s the mean of p_{s'}/p_s, by s' their share."""
     n, seed = 40000, 7
     all_of = noted(driver, scene(tmp_path, SCENES[name], depth=4), n, seed, choice, points)
     values = []
@@ -243,16 +246,38 @@ def test_each_density_integrates_to_what_others_reach(
     assert worst[0] * len(values) > 1e-4, worst
 
 
-def pictures(oneray: Path, file: Path, target: Path, seeds: range, *options: str) -> Array:
+BRIGHTER = ("--spp", "256")
+PAIRS = ("--estimator", "bidirectional")
+SEEDS = range(12)
+
+
+def render(oneray: Path, file: Path, target: Path, *options: str | Path) -> Array:
+    """The picture's channels, (height, width, 3)."""
+    command = [oneray, file, "-o", target, "--quiet", *options]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    return oiio.ImageBuf(str(target)).get_pixels(oiio.FLOAT)[..., :3].astype(float)
+
+
+def quarters(oneray: Path, file: Path, seeds: Iterable[int], *options: str) -> Array:
     """Means of the four quarters of a picture, by seed: (seeds, 4)."""
     found = []
     for seed in seeds:
-        command = [oneray, file, "-o", target, "--seed", str(seed), "--quiet", *options]
-        subprocess.run(command, check=True, capture_output=True, text=True)
-        image = oiio.ImageBuf(str(target)).get_pixels(oiio.FLOAT)[..., :3].astype(float).mean(-1)
+        image = render(oneray, file, file.with_suffix(".exr"), "--seed", str(seed), *options).mean(-1)
         half = image.shape[0] // 2
         found.append(image.reshape(2, half, 2, half).mean((1, 3)).ravel())
     return np.array(found)
+
+
+def of_length(oneray: Path, folder: Path, of: tuple[Panel, ...], k: int, lens: float = 0) -> Array:
+    """The light on paths of k edges, by next event estimation: what one more bounce brings."""
+    whole = quarters(oneray, scene(folder, of, k, lens), SEEDS, *BRIGHTER)
+    if k > 1:
+        whole = whole - quarters(oneray, scene(folder, of, k - 1, lens), range(100, 112), *BRIGHTER)
+    return whole
+
+
+def alone(oneray: Path, file: Path, s: int, t: int, *options: str) -> Array:
+    return quarters(oneray, file, SEEDS, *PAIRS, "--strategy", f"{s},{t}", *(options or BRIGHTER))
 
 
 def p_alike(a: Array, b: Array) -> float:
@@ -260,73 +285,131 @@ def p_alike(a: Array, b: Array) -> float:
     return float(min(1, 4 * np.min(stats.ttest_ind(a, b, equal_var=False).pvalue)))
 
 
-PAIRS = ("--estimator", "bidirectional")
-SEEDS = range(12)
-
-
 @pytest.mark.parametrize("lens", [0, 0.3])
 def test_each_strategy_alone_is_all_of_the_light(oneray: Path, tmp_path: Path, lens: float) -> None:
-    """Where nothing is a delta and no surfaces touch every strategy renders all light on paths of its length, which
-    by next event estimation is what one more bounce brings.
-    """
-    values = []
+    """Where nothing is a delta and no surfaces touch: of all the light on paths of its length."""
+    of, values = SCENES["diffuse"], []
     for k in range(1, 6):
-        whole = pictures(oneray, scene(tmp_path, SCENES["diffuse"], k, lens), tmp_path / "a.exr", SEEDS, "--spp", "256")
-        if k > 1:
-            whole -= pictures(
-                oneray, scene(tmp_path, SCENES["diffuse"], k - 1, lens), tmp_path / "a.exr", range(100, 112),
-                "--spp", "256",
-            )  # fmt: skip
-        file = scene(tmp_path, SCENES["diffuse"], 5, lens)
+        whole = of_length(oneray, tmp_path, of, k, lens)
+        file = scene(tmp_path, of, 5, lens)
         for s in range(k + 1):
-            alone = pictures(
-                oneray, file, tmp_path / "b.exr", SEEDS, *PAIRS, "--strategy", f"{s},{k + 1 - s}", "--spp", "256"
-            )
-            values.append((p_alike(alone, whole), s, k + 1 - s, alone.mean(), whole.mean()))
+            found = alone(oneray, file, s, k + 1 - s)
+            values.append((p_alike(found, whole), s, k + 1 - s, found.mean(), whole.mean()))
     worst = min(values)
     assert worst[0] * len(values) > 1e-3, worst
 
 
 def test_a_strategy_samples_its_class_of_paths_alone(oneray: Path, tmp_path: Path) -> None:
-    """Before a mirror on which light paths of three edges go eye, floor or back, mirror, lamp, next event estimation
-    and joins at the mirror find none of them.
+    """Beside a mirror three edges can be eye, floor, mirror, lamp, which (1, 3) and (2, 2) cannot join, or
+    eye, mirror, floor, lamp, which (2, 2) and (3, 1) cannot; a lamp that is met has all of them.
     """
-    of = (Panel((0, 0, 0), *UP, 1, "diffuse"), Panel((-1.3, 0, 1.1), *RIGHT, 0.8, "mirror"), *LAMPS)
+    mirror = Panel((-1.3, 0, 1.1), *RIGHT, 0.8, "mirror")
+    of = (Panel((0, 0, 0), *UP, 1, "diffuse"), mirror, *LAMPS)
+    whole = of_length(oneray, tmp_path, of, 3)
     file = scene(tmp_path, of, 3)
-    whole = pictures(oneray, file, tmp_path / "a.exr", SEEDS, "--spp", "256")
-    whole -= pictures(oneray, scene(tmp_path, of, 2), tmp_path / "a.exr", range(100, 112), "--spp", "256")
-    scene(tmp_path, of, 3)
-    met = pictures(oneray, file, tmp_path / "b.exr", SEEDS, *PAIRS, "--strategy", "0,4", "--spp", "1024")
-    joined = [
-        pictures(oneray, file, tmp_path / "b.exr", SEEDS, *PAIRS, "--strategy", f"{s},{4 - s}", "--spp", "256")
-        for s in (1, 2, 3)
-    ]
-    assert p_alike(met, whole) > 1e-3
-    for some, s in zip(joined, (1, 2, 3), strict=True):
-        """The eye sees lamps in the mirror by (1, 3) only after the floor, by (3, 1) only before it."""
-        assert some.mean() < 0.98 * whole.mean(), s
+    assert p_alike(alone(oneray, file, 0, 4, "--spp", "1024"), whole) > 1e-3
+    assert alone(oneray, file, 2, 2).mean() == 0
+    some = [alone(oneray, file, s, 4 - s) for s in (1, 3)]
+    assert min(part.mean() for part in some) > 0.01 * whole.mean()
+    assert p_alike(some[0] + some[1], whole) > 1e-3
 
 
 @pytest.mark.parametrize("name", ["diffuse", "glass", "frosted", "plastic", "rough"])
 def test_lamp_and_eye_can_be_exchanged(oneray: Path, tmp_path: Path, name: str) -> None:
-    """The light that comes to a point from all around is the same if the point lamp stands where the eye was and the
-    eye where the lamp was: a picture's mean, each pixel by its solid angle, cos³θ, since all panels are in view.
+    """The light that comes to a point from all around is the same if the point lamp stands where the eye was
+    and the eye where the lamp was: a picture's mean, each pixel by its solid angle, cos³θ, all being in view.
     """
     places, found = (np.array([-0.6, -3.5, 1.3]), np.array([0.7, -3.2, 0.9])), []
-    unlit = tuple(panel for panel in SCENES[name] if not panel.power)
+    unlit = "".join(panel.xml() for panel in SCENES[name] if not panel.power)
+    across = ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1) * np.tan(np.radians(40))
+    cosine = 1 / np.sqrt(1 + across[:, None] ** 2 + across**2)
     for eye, lamp in (places, places[::-1]):
         light = f'<emitter type="point"><point name="position" value="{lamp[0]}, {lamp[1]}, {lamp[2]}"/>'
         light += '<rgb name="intensity" value="10"/></emitter>'
-        file = scene(tmp_path, light + "".join(panel.xml() for panel in unlit), 6)
-        text = file.read_text().replace("0, -4, 1.1", ", ".join(map(str, eye))).replace("0, 0, 1.1", f"{eye[0]}, 0, 1.1")
+        file = scene(tmp_path, light + unlit, 6)
+        text = file.read_text().replace("0, -4, 1.1", ", ".join(map(str, eye)))
+        text = text.replace("0, 0, 1.1", f"{eye[0]}, 0, 1.1")
         file.write_text(text.replace(f'"fov" value="{FOV}"', '"fov" value="80"'))
-        by_seed = []
-        for seed in range(16):
-            command = [oneray, file, "-o", tmp_path / "a.exr", "--seed", str(seed), "--quiet", *PAIRS, "--spp", "512"]
-            subprocess.run(command, check=True, capture_output=True, text=True)
-            image = oiio.ImageBuf(str(tmp_path / "a.exr")).get_pixels(oiio.FLOAT)[..., 0].astype(float)
-            across = ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1) * np.tan(np.radians(40))
-            cosine = 1 / np.sqrt(1 + across[:, None] ** 2 + across**2)
-            by_seed.append((image * cosine**3).mean())
-        found.append(np.array(by_seed))
+        by_seed = [
+            render(oneray, file, tmp_path / "a.exr", "--seed", str(seed), *PAIRS, "--spp", "512")[..., 0]
+            for seed in range(16)
+        ]
+        found.append((np.array(by_seed) * cosine**3).mean((1, 2)))
     assert stats.ttest_ind(*found, equal_var=False).pvalue > 1e-4, [x.mean() for x in found]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--light-choice learned", "--estimator bidirectional: --light-choice learned is not supported"),
+        ("--mis-pdf survival", "--mis-pdf weighs two ways to find a light"),
+        ("--strategy 2", "--strategy 2: S,T is wanted"),
+        ("--strategy 3,0", "--strategy 3,0: T is 1 at least, the eye"),
+        ("--estimator mis --strategy 1,2", "--strategy is one of --estimator bidirectional's"),
+    ],
+)
+def test_what_it_cannot_is_said(oneray: Path, tmp_path: Path, words: str, said: str) -> None:
+    command = [oneray, scene(tmp_path, SCENES["diffuse"]), "-o", tmp_path / "a.exr", *PAIRS, *words.split()]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+    assert not (tmp_path / "a.exr").exists()
+
+
+@pytest.mark.parametrize(
+    ("element", "said"),
+    [
+        ('<boolean name="hide_emitters" value="true"/>', "hide_emitters is not supported"),
+        (None, "a bumpmap or normalmap is not supported"),
+    ],
+)
+def test_a_scene_that_it_cannot_is_refused(
+    oneray: Path, tmp_path: Path, element: str | None, said: str
+) -> None:
+    of = SCENES["diffuse"]
+    file = scene(tmp_path, of)
+    text = file.read_text()
+    picture = f'<string name="filename" value="{ROOT}/scenes/pictures/sky.exr"/>'
+    bump = f'<bsdf type="bumpmap"><texture type="bitmap">{picture}</texture><bsdf type="diffuse"/></bsdf>'
+    hidden = text.replace('<integrator type="path">', f'<integrator type="path">{element}')
+    file.write_text(hidden if element else text.replace(MATERIALS["diffuse"], bump, 1))
+    command = [oneray, file, "-o", tmp_path / "a.exr", *PAIRS]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and said in done.stderr and "bidirectional" in done.stderr, done.stderr
+
+
+def test_pieces_and_windows_are_parts_of_the_whole(oneray: Path, tmp_path: Path) -> None:
+    """Ranges of samples merged, a run that goes on, and a crop: the same bits."""
+    file = scene(tmp_path, SCENES["glass"])
+
+    def run(*words: str | Path) -> None:
+        subprocess.run([oneray, file, "--quiet", *PAIRS, *words], check=True, capture_output=True)
+
+    def image(name: str) -> Array:
+        return oiio.ImageBuf(str(tmp_path / name)).get_pixels(oiio.FLOAT)
+
+    run("--spp", "24", "-o", tmp_path / "whole.exr")
+    for number, samples in enumerate(("0:7", "7:17")):
+        run("--samples", samples, "--film", tmp_path / f"{number}.film")
+    parts = [tmp_path / "1.film", tmp_path / "0.film"]
+    subprocess.run([oneray, "merge", *parts, "-o", tmp_path / "merged.exr"], check=True, capture_output=True)
+    run("--spp", "5", "--checkpoint", tmp_path / "kept.film", "-o", tmp_path / "some.exr")
+    run("--spp", "24", "--checkpoint", tmp_path / "kept.film", "--resume", "-o", tmp_path / "resumed.exr")
+    run("--spp", "24", "--crop", "3,5,8,6", "-o", tmp_path / "crop.exr")
+    whole = image("whole.exr")
+    assert (image("merged.exr") == whole).all() and (image("resumed.exr") == whole).all()
+    assert (image("crop.exr") == whole[5:11, 3:11]).all()
+    run("--error", "0.05", "-o", tmp_path / "error.exr")
+    run("--time", "0.2", "-o", tmp_path / "time.exr")
+    assert abs(image("time.exr")[..., 0].mean() / image("error.exr")[..., 0].mean() - 1) < 0.2
+
+
+def test_paths_longer_than_what_is_kept_are_found_from_the_eye(oneray: Path, tmp_path: Path) -> None:
+    """In a white ball that glows, where one path in twenty ends at a vertex, half of the light is on paths of
+    more edges than a light subpath has vertices.
+    """
+    ball = '<shape type="sphere"><boolean name="flip_normals" value="true"/><float name="radius" value="5"/>'
+    ball += '<bsdf type="diffuse"><rgb name="reflectance" value="0.95"/></bsdf>'
+    ball += '<emitter type="area"><rgb name="radiance" value="0.05"/></emitter></shape>'
+    found = quarters(oneray, scene(tmp_path, ball, depth=-1), range(6), *PAIRS, "--spp", "64").mean(1)
+    error = found.std(ddof=1) / np.sqrt(len(found))
+    assert abs(found.mean() - 1) < 5 * error and error < 0.02

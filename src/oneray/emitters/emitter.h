@@ -6,7 +6,7 @@
      name_traits         what is asked of that (traits.h); it looks at nothing that a pointer leads to
      name_towards        one ray to it for (u, v) in [0,1)²: what reaches the point over emission and p_i, 1/pdf_w
      name_emit           one ray from it (light paths): where it starts by `place`, its direction by `way`
-     name_emit_pdf       the densities of that
+     name_emit_pdf       the densities of that, for a point o of the light and a direction d
    and for a kind of SKIES, which a ray meets where it leaves the scene,
      name_radiance       what it meets there, with the emission; also asked of lanes without a direction, d = 0
      name_pdf_w          the density of name_towards.

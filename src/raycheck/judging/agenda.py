@@ -94,7 +94,7 @@ def oneray_agenda(
     found = False
     for of in scenes:
         content = read_content(of.path, of.parameters)
-        for one in applicable(content) if not chosen else chosen:
+        for one in chosen or applicable(content):
             if one.why_not(content):
                 continue
             found = True
