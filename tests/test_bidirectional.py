@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from sampling import NOTED_VERTICES, Driver
 from scipy import stats
 
+from raycheck.calibration import mutants, trials
+from raycheck.scene.techniques import technique
+
 Array = NDArray[np.float64]
 
 FOV = 50
@@ -413,3 +416,26 @@ def test_paths_longer_than_what_is_kept_are_found_from_the_eye(oneray: Path, tmp
     found = quarters(oneray, scene(tmp_path, ball, depth=-1), range(6), *PAIRS, "--spp", "64").mean(1)
     error = found.std(ddof=1) / np.sqrt(len(found))
     assert abs(found.mean() - 1) < 5 * error and error < 0.02
+
+
+MISTAKES = {mutant.name: mutant for mutant in mutants.catalogue(ROOT / "tests/mutants_bidirectional")}
+JUDGED = ("strategy-left-out", "density-no-cosine", "delta-light-met")
+"""A sample: each takes a program of its own."""
+
+
+def test_the_mistakes_are_patches_of_the_sources() -> None:
+    assert len(MISTAKES) >= 10
+    for mutant in MISTAKES.values():
+        assert technique(mutant.shows).options[1] == "bidirectional"
+        command = ["patch", "--dry-run", "-p1", "--fuzz=1", "-f", "-i", str(mutant.patch)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{mutant.name}: {done.stdout}"
+
+
+@pytest.mark.parametrize("name", [*JUDGED, None])
+def test_a_mistake_is_seen(name: str | None) -> None:
+    """By its picture; without one there is nothing to see."""
+    mutant = MISTAKES[name or JUDGED[0]]
+    program = trials.Program(mutants.program(MISTAKES[name] if name else None), mutant.shows)
+    trial = trials.try_program(program, mutant.scene, trials.load_truth(mutant.scene), spp=32)
+    assert trial.rejected["raycheck"] == (name is not None), trial.reason
