@@ -438,41 +438,6 @@ OVER_COLUMNS(eye)
     put(b, 8, e.weight);
 }
 
-/* ---- Vertices that are kept: the number of a path and of a vertex to (how many there are, that one's point, normal,
-   throughput, pdf and whether a delta sent the path there, and the path's radiance); a vertex below 0: none is kept. */
-enum { VERTICES_ROOM = 3 };
-OVER_COLUMNS(vertices)
-{
-    Features f = scene->features;
-    Start start;
-    Path path;
-    Vertex list[LANES * VERTICES_ROOM];
-    Vertices kept = {list, VERTICES_ROOM, {0}};
-    memset(&start, 0, sizeof start);
-    memset(&path, 0, sizeof path);
-    memset(list, 0, sizeof list);
-    start.rng.key[0] = path.rng.key[0] = 20240229u;
-    start.rng.pixel = path.rng.pixel = (Bits)get_index(b, 0);
-    start_at(&start, scene, real(scene->width / 2), real(scene->height / 2), f);
-    path.ray = start.ray;
-    path.roulette = start.roulette;
-    if (b->in[b->n + b->at] >= 0) {
-        f.use |= USE_VERTICES;
-        path.vertices = &kept;
-    }
-    for (path_start(&path, mask_all()); any(path.alive);)
-        path_step(&path, scene, f);
-    put_light(b, 11, path.radiance);
-    for (size_t lane = 0; lane < LANES && b->at + lane < b->n; lane++) {
-        double k = b->in[b->n + b->at + lane], *to = b->out + b->at + lane;
-        const Vertex *v = &list[lane * VERTICES_ROOM + (size_t)(k > 0 ? k : 0)];
-        const double numbers[11] = {kept.count[lane], v->p[0], v->p[1], v->p[2], v->n[0], v->n[1], v->n[2],
-            v->throughput[0], v->pdf_w, v->delta, (double)v->slot};
-        for (size_t row = 0; row < 11; row++)
-            to[row * b->n] = numbers[row];
-    }
-}
-
 /* ---- Bidirectional paths: a row for each that a strategy has weighed, of up to NOTED_VERTICES vertices: (number of the
    pair, s, t, is nothing in between), then from the light on vertex i (point, is it a delta's), x_k left out, and at 4 + 4
    NOTED_VERTICES + s' the density of (s', k + 1 - s') over this one's, 0 if it cannot sample the path, -1 if there is none. */

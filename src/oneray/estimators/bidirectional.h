@@ -53,7 +53,7 @@ enum { LIGHT_SUBPATH = 1 << 24 }; /* its random numbers are those of vertices fr
 
 /* What the weights want to know of a subpath's vertices. */
 typedef struct {
-    Real ratio[KEPT_RATIOS]; /* of vertex i (of the eye's: i % KEPT_RATIOS) the other subpath's density over this one's */
+    Real ratio[KEPT_RATIOS]; /* of vertex i (of the eye's: i % KEPT_RATIOS) the other subpath's density over its own */
     Mask delta[KEPT_RATIOS]; /* it sent the path on by a delta */
 } Chain;
 
@@ -61,9 +61,9 @@ typedef struct {
 typedef struct {
     Path path;
     Chain chain;
-    Real pdf;         /* of the last vertex, m⁻² */
-    Real before;      /* of the vertex before it */
-    Real to_before;   /* cosθ/d² at the vertex before: from a direction's density at the last vertex to p of that, m⁻² */
+    Real p_own;       /* of the last vertex: p_forward of the light's, p_reverse of the eye's, m⁻² */
+    Real p_before;    /* the same of the vertex before it */
+    Real to_before;   /* cosθ/d² at the vertex before: from p_w at the last vertex to the other subpath's p of that, m⁻² */
     Vec face;         /* at the last vertex, of its surface */
     Real compression; /* (η_o/η_i)² of the boundaries so far */
 } Subpath;
@@ -73,7 +73,7 @@ typedef struct {
     Surface at;  /* as the vertex before sees it; not of y_0 */
     Light alpha; /* α, of y_0 its radiance over p_0: W */
     Mask alive;
-    Real pdf, before, to_before; /* Subpath */
+    Real p_forward, p_before, to_before; /* Subpath */
 } LightVertex;
 
 typedef struct {
@@ -90,7 +90,8 @@ typedef struct {
 /* β */
 INLINE Real heuristic(Real p, Features f) { return f.use & USE_BALANCE ? p : p * p; }
 
-/* The densities of the two vertices at either end of the edge that a strategy joins, by the other subpath over by its own. */
+/* Of the two vertices at either end of the edge that a strategy joins: p_reverse/p_forward of y_{s-1} and y_{s-2}, and
+   p_forward/p_reverse of z_{t-1} and z_{t-2}. */
 typedef struct {
     Real y, y_before, z, z_before;
     Real nee_over_start; /* p_nee/p_0 */
@@ -161,11 +162,11 @@ STAGE Real pdf_w_reverse(const Scene *scene, const Surface *s, Vec next, Feature
 
 INLINE Real inverse_square(Real dd) { return real(1) / real_max(dd, real(LEAST_SQUARE)); }
 
-/* The subpath has come from `o` to a surface by a direction of density pdf_w: `forward`, that times cosθ/d², is set. */
-INLINE void arrive(Subpath *subpath, const Surface *s, Real pdf, Real to_before)
+/* The subpath has come to a surface, a point of which has this density. */
+INLINE void arrive(Subpath *subpath, const Surface *s, Real p_own, Real to_before)
 {
-    subpath->before = subpath->pdf;
-    subpath->pdf = pdf;
+    subpath->p_before = subpath->p_own;
+    subpath->p_own = p_own;
     subpath->to_before = to_before;
     subpath->face = s->face;
 }
@@ -185,7 +186,7 @@ STAGE void go_on(Subpath *subpath, const Scene *scene, const Surface *s, int i, 
         reverse = select(delta, reverse, pdf_w_reverse(scene, s, path->ray.d, f));
     subpath->chain.delta[i % KEPT_RATIOS] = delta;
     NOTE_DELTA(f.use & USE_LIGHT_PATHS ? 1 : 0, i, delta);
-    subpath->chain.ratio[(i - 1) % KEPT_RATIOS] = reverse * subpath->to_before / subpath->before;
+    subpath->chain.ratio[(i - 1) % KEPT_RATIOS] = reverse * subpath->to_before / subpath->p_before;
 }
 
 /* p_nee/p_0 of a point on light i at which a receiver sees it: 1/p_i by next event estimation, and 1/pdf_w for the point on an
@@ -236,8 +237,8 @@ STAGE void join_to_eye(Pair *pair, int s, const Surface *y, Mask active, const R
         return;
     Evaluation surface = evaluate_at(scene, y, eye.wi, cosine, as_flux(f));
     Joined joined = {.nee_over_start = pair->nee_over_start, .met = pair->start.met};
-    joined.y = eye.weight * face / at->pdf;
-    joined.y_before = pdf_w_reverse(scene, y, eye.wi, f) * at->to_before / at->before;
+    joined.y = eye.weight * face / at->p_forward;
+    joined.y_before = pdf_w_reverse(scene, y, eye.wi, f) * at->to_before / at->p_before;
     splat(pair, s, &eye, y->p, y->slot, light_scale(light_mul(at->alpha, surface.f_r), face), active, &joined, items, splats, f);
 }
 
@@ -264,9 +265,9 @@ STAGE void start_light_subpath(Pair *pair, const Rng *rng, Mask active, const si
     path->ray = (Ray){ray.o, ray.d, real(NUM_MAX), ray.from};
     path->flux = light_scale(light_mul(ray.flux, emission), inverse_choice);
     path->pdf_w = start.p_1;
-    pair->light.pdf = start.p_0;
+    pair->light.p_own = start.p_0;
     pair->light.chain.delta[0] = mask_none();
-    pair->y[0] = (LightVertex){.alpha = light_scale(emission, real(1) / start.p_0), .alive = active, .pdf = start.p_0};
+    pair->y[0] = (LightVertex){.alpha = light_scale(emission, real(1) / start.p_0), .alive = active, .p_forward = start.p_0};
     pair->vertices = 1;
     NOTE_VERTEX(1, 0, ray.o);
     if (!(f.has & HAS_AREA) || !is_wanted(scene, 1, 1))
@@ -313,7 +314,7 @@ STAGE void light_subpath_step(Pair *pair, int n, const size_t items[], Splats *s
         path->flux = light_scale(path->flux, select(s.cos_face > real(0), s.cos_o / s.cos_face, real(0)));
     if (!(f.has & BRIGHT_WHERE_BLACK))
         path->alive &= light_max(s.reflectance) > real(0);
-    *y = (LightVertex){s, light_mul(path->flux, path->throughput), and_not(path->alive, s.delta), light->pdf, light->before,
+    *y = (LightVertex){s, light_mul(path->flux, path->throughput), and_not(path->alive, s.delta), light->p_own, light->p_before,
         light->to_before};
     pair->vertices = n + 1;
     NOTE_VERTEX(1, n, s.p);
@@ -333,15 +334,15 @@ STAGE void light_subpath_step(Pair *pair, int n, const size_t items[], Splats *s
         path->flux = light_scale(path->flux, face_over_shading(&s, path->ray.d));
 }
 
-/* (0, t): the eye subpath has met light i, whose densities for a path from it these are; p_reverse of it is the eye's `pdf`. */
-INLINE Light weigh_met(Pair *pair, int t, Index i, const EmitPdf *start, Real inverse_pdf_w, Real pdf, Real dd, Light light, Features f)
+/* (0, t): the eye subpath has met light i, whose densities for a path from it these are. */
+INLINE Light weigh_met(Pair *pair, int t, Index i, const EmitPdf *start, Real inverse_pdf_w, Real p_reverse, Real dd, Light light, Features f)
 {
     const Emitters *emitters = &pair->scene->emitters;
     const Subpath *eye = &pair->eye;
     Receiver at = last_receiver(&eye->path);
-    Joined joined = {.z = start->p_0 / pdf, .met = mask_all()};
+    Joined joined = {.z = start->p_0 / p_reverse, .met = mask_all()};
     Real from = real_abs(vec_dot(eye->face, eye->path.ray.d)) * select(start->far, real(1), inverse_square(dd));
-    joined.z_before = start->p_1 * from / eye->pdf;
+    joined.z_before = start->p_1 * from / eye->p_own;
     joined.nee_over_start = real(1);
     if (t > 2)
         joined.nee_over_start =
@@ -351,8 +352,8 @@ INLINE Light weigh_met(Pair *pair, int t, Index i, const EmitPdf *start, Real in
     return light_scale(light, share_of(pair, 0, t, &joined, f));
 }
 
-/* (0, t), before `arrive`: the eye subpath's pdf is that of the vertex before. */
-STAGE Light bidirectional_emission(Pair *pair, int t, Hit hit, const Surface *s, Mask front, Real pdf, Features f)
+/* (0, t), before `arrive`: the eye subpath's p_own is that of the vertex before. */
+STAGE Light bidirectional_emission(Pair *pair, int t, Hit hit, const Surface *s, Mask front, Real p_reverse, Features f)
 {
     const Scene *scene = pair->scene;
     const Emitters *emitters = &scene->emitters;
@@ -368,7 +369,7 @@ STAGE Light bidirectional_emission(Pair *pair, int t, Hit hit, const Surface *s,
             if (f.has & (HAS_FLAT_LIGHT | HAS_MESH_LIGHT))
                 inverse_pdf_w = only(mask_not(is_itself(emitters, met.i, &at, f)), inverse_pdf_w);
             light = light_only(met.shines,
-                weigh_met(pair, t, met.i, &start, inverse_pdf_w, pdf, hit.t * hit.t, met.emission, f));
+                weigh_met(pair, t, met.i, &start, inverse_pdf_w, p_reverse, hit.t * hit.t, met.emission, f));
         }
     }
     Mask missed = path->alive & (hit.slot < 0);
@@ -403,7 +404,7 @@ INLINE void gather_light(Pair *pair, const Scene *scene, const Ray *shadow, Inde
 INLINE Real eye_ratio_before(const Pair *pair, const Surface *z, Vec wi, int t, Features f)
 {
     const Subpath *eye = &pair->eye;
-    return t > 2 ? pdf_w_reverse(pair->scene, z, wi, f) * eye->to_before / eye->before : real(0);
+    return t > 2 ? pdf_w_reverse(pair->scene, z, wi, f) * eye->to_before / eye->p_before : real(0);
 }
 
 /* (1, t). */
@@ -428,7 +429,7 @@ STAGE void bidirectional_next_event(
     Real inverse_dd = select(start.far, real(1), inverse_square(dd)), face = real_abs(vec_dot(z->face, sample.wi));
     start.cosine = real_abs(start.cosine);
     Joined joined = {.y = surface.pdf_w * start.cosine * inverse_dd / start.p_0,
-        .z = start.p_1 * face * inverse_dd / pair->eye.pdf,
+        .z = start.p_1 * face * inverse_dd / pair->eye.p_own,
         .z_before = eye_ratio_before(pair, z, sample.wi, t, f),
         .nee_over_start = nee_over_start(emitters, i, inverse_choice, sample.inverse_pdf_w / inverse_choice, dd, start.cosine, f),
         .met = start.met};
@@ -452,9 +453,9 @@ STAGE void join(Pair *pair, int s, int t, const Surface *z, Light alpha, Mask ac
     Evaluation at_z = evaluate_at(scene, z, wi, cos_z, f), at_y = evaluate_at(scene, &y->at, wo, cos_y, as_flux(f));
     Real face_y = real_abs(vec_dot(y->at.face, wi)) * inverse_dd, face_z = real_abs(vec_dot(z->face, wi)) * inverse_dd;
     Light light = light_mul(light_mul(alpha, at_z.f_r), light_mul(y->alpha, at_y.f_r));
-    Joined joined = {.y = at_z.pdf_w * face_y / y->pdf,
-        .y_before = pdf_w_reverse(scene, &y->at, wo, f) * y->to_before / y->before,
-        .z = at_y.pdf_w * face_z / pair->eye.pdf,
+    Joined joined = {.y = at_z.pdf_w * face_y / y->p_forward,
+        .y_before = pdf_w_reverse(scene, &y->at, wo, f) * y->to_before / y->p_before,
+        .z = at_y.pdf_w * face_z / pair->eye.p_own,
         .z_before = eye_ratio_before(pair, z, wi, t, f),
         .nee_over_start = pair->nee_over_start,
         .met = pair->start.met};
@@ -475,16 +476,16 @@ STAGE void eye_subpath_step(Pair *pair, int t, const Real lens[2], Features f)
         return;
     Surface z = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
     Real inverse_dd = inverse_square(hit.t * hit.t);
-    Real pdf = path->pdf_w * z.cos_face * inverse_dd;
+    Real p_reverse = path->pdf_w * z.cos_face * inverse_dd;
     if (t == 2) {
         Eye seen = eye_from(&scene->camera, z.p, lens, f);
-        pdf = seen.weight * z.cos_face;
+        p_reverse = seen.weight * z.cos_face;
     }
     Light alpha = light_scale(path->throughput, eye->compression);
     NOTE_VERTEX(0, t - 1, z.p);
     NOTE_VERTEX(2, 0, z.p);
     if (is_wanted(scene, 0, t)) {
-        Light met = bidirectional_emission(pair, t, hit, &z, front, pdf, f);
+        Light met = bidirectional_emission(pair, t, hit, &z, front, p_reverse, f);
         path->radiance = light_add(path->radiance, light_only(path->alive, light_mul(alpha, met)));
     }
     path->alive = goes_on(path, scene, hit);
@@ -492,7 +493,7 @@ STAGE void eye_subpath_step(Pair *pair, int t, const Real lens[2], Features f)
         path->alive &= light_max(z.reflectance) > real(0);
     if (!any(path->alive))
         return;
-    arrive(eye, &z, pdf, real_abs(vec_dot(eye->face, path->ray.d)) * inverse_dd);
+    arrive(eye, &z, p_reverse, real_abs(vec_dot(eye->face, path->ray.d)) * inverse_dd);
     Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
     Mask finite = and_not(path->alive, z.delta);
     if (any(finite)) {
@@ -524,7 +525,7 @@ STAGE Mask trace_pair(Pair *pair, const Start *start, Mask active, const size_t 
     eye->ray = start->ray;
     eye->roulette = start->roulette;
     eye->first_hit = start->hit;
-    pair->eye.compression = pair->eye.pdf = real(1);
+    pair->eye.compression = pair->eye.p_own = real(1);
     pair->eye.face = vec_all(real(0));
     if (f.has & HAS_LENS)
         lens = random_block(&eye->rng, index_of(0), DIMENSION_EMITTER, f);
