@@ -288,11 +288,13 @@ def p_alike(a: Array, b: Array) -> float:
     return float(min(1, 4 * np.min(stats.ttest_ind(a, b, equal_var=False).pvalue)))
 
 
-@pytest.mark.parametrize("lens", [0, 0.3])
-def test_each_strategy_alone_is_all_of_the_light(oneray: Path, tmp_path: Path, lens: float) -> None:
+@pytest.mark.parametrize(("name", "lens"), [("diffuse", 0), ("diffuse", 0.3), ("frosted", 0), ("rough", 0)])
+def test_each_strategy_alone_is_all_of_the_light(
+    oneray: Path, tmp_path: Path, name: str, lens: float
+) -> None:
     """Where nothing is a delta and no surfaces touch: of all the light on paths of its length."""
-    of, values = SCENES["diffuse"], []
-    for k in range(1, 6):
+    of, values = SCENES[name], []
+    for k in range(1, 6 if name == "diffuse" else 5):
         whole = of_length(oneray, tmp_path, of, k, lens)
         file = scene(tmp_path, of, 5, lens)
         for s in range(k + 1):
@@ -439,3 +441,12 @@ def test_a_mistake_is_seen(name: str | None) -> None:
     program = trials.Program(mutants.program(MISTAKES[name] if name else None), mutant.shows)
     trial = trials.try_program(program, mutant.scene, trials.load_truth(mutant.scene), spp=32)
     assert trial.rejected["raycheck"] == (name is not None), trial.reason
+
+
+def test_radiance_that_is_not_compressed_is_seen(oneray: Path, tmp_path: Path) -> None:
+    """Through rough glass by a strategy whose eye subpath goes through it."""
+    file = scene(tmp_path, SCENES["frosted"], 3)
+    program = mutants.program(MISTAKES["radiance-not-compressed"])
+    right = alone(oneray, file, 3, 1, *BRIGHTER, *mutants.OPTIONS)
+    assert p_alike(alone(program, file, 3, 1, *BRIGHTER, *mutants.OPTIONS), right) == 1
+    assert p_alike(alone(program, file, 1, 3, *BRIGHTER, *mutants.OPTIONS), right) < 1e-6
