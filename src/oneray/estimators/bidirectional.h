@@ -4,10 +4,14 @@
    first s vertices y_0 … y_{s-1} from a light subpath and its last t vertices z_{t-1} … z_0 from an eye subpath, and joins
    y_{s-1} to z_{t-1}:
 
-     (0, t)    the eye subpath meets the light                  s vertices, of which t >= 1 is the eye, z_0:
-     (1, t)    next event estimation, by --light-choice         a pinhole, or a point of the lens, which all strategies
-     (s, 1)    y_{s-1} is joined to the eye: a splat            choose alike and which is therefore in no density
+     (0, t)    the eye subpath meets the light
+     (1, t)    next event estimation, by --light-choice
+     (s, 1)    y_{s-1} is joined to the eye: a splat, through the pixels' filter
      (s, t)    C = α_y f(y) G f(z) α_z, G = V cosθ_y cosθ_z/d²
+
+   t >= 1: z_0 is the eye, a pinhole or a point of the lens, which all strategies choose alike and which is in no density. That of
+   z_1 is over the whole film, cosθ_1/(d² cos³θ A) (Eye): one pass has a pair of subpaths for each pixel, and all light
+   subpaths are one sample of the film.
 
    Its density is p_{s,t} = Π_{i<s} p_forward(x_i) Π_{i>=s} p_reverse(x_i): by area (m⁻²), from the light towards the eye and
    from the eye towards the light. p_forward(x_{i+1}) = p_w(x_{i-1}, x_i → x_{i+1}) cosθ_{i+1}/d², p_w (sr⁻¹) being the one
