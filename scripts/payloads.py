@@ -31,7 +31,7 @@ from raycheck.base.data import PAYLOADS as FILE
 from raycheck.judging.agenda import standard_technique
 from raycheck.renderers.films import payload
 from raycheck.scene.content import read_content
-from raycheck.scene.techniques import TECHNIQUES, applicable
+from raycheck.scene.techniques import ON_REQUEST, TECHNIQUES, applicable
 from raycheck.scene.variants import ladder
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -44,6 +44,7 @@ BEYOND = {
     "mis-schlick": ("--fresnel", "schlick"),
     "walk-sobol": ("--estimator", "walk", "--sampler", "sobol"),
     "light-sobol": ("--estimator", "light", "--sampler", "sobol"),
+    **{one.name: one.options for one in ON_REQUEST},
 }
 """Code that no technique of the lecture uses."""
 STIFF = ("walk-cosine", "nee", "mis-default", "light")

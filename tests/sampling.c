@@ -1,7 +1,41 @@
 /* The header functions over arrays, for tests/test_sampling.py, test_densities.py, test_materials.py and
    test_surfaces.py. Each entry takes n columns of numbers, in[row * n + i], and gives as many, out[row * n + i];
    LANES of them go at a time. */
-#include "estimators/light.h"
+#include <stddef.h>
+
+/* What a pair of subpaths tells of itself, one lane's: pairs() below. */
+enum { NOTED_VERTICES = 8, NOTED = 4 + 5 * NOTED_VERTICES };
+typedef struct {
+    double point[3][NOTED_VERTICES + 1][3]; /* of the eye's subpath, of the light's, of a light itself */
+    int delta[2][NOTED_VERTICES + 1];
+    double other[NOTED_VERTICES], *rows;
+    size_t count, room, sample;
+} Notes;
+static Notes notes;
+static void note_weight(int s, int t, double weight);
+#define NOTE_VERTEX(side, n, p)                                                                              \
+    do {                                                                                                     \
+        if ((n) < NOTED_VERTICES)                                                                            \
+            vec_lane(&(p), 0, notes.point[side][n]);                                                         \
+    } while (0)
+#define NOTE_DELTA(side, n, is)                                                                              \
+    do {                                                                                                     \
+        if ((n) < NOTED_VERTICES)                                                                            \
+            notes.delta[side][n] = LANE(is, 0) != 0;                                                         \
+    } while (0)
+#define NOTE_STRATEGY(s, density)                                                                            \
+    do {                                                                                                     \
+        if ((s) < NOTED_VERTICES)                                                                            \
+            notes.other[s] = (double)LANE(density, 0);                                                       \
+    } while (0)
+#define NOTE_WEIGHT(s, t, weight) note_weight(s, t, (double)LANE(weight, 0))
+#define NOTE_ARRIVAL(arrives)                                                                                \
+    do {                                                                                                     \
+        if (notes.count && LANE(arrives, 0))                                                                 \
+            notes.rows[(notes.count - 1) * NOTED + 3] = 1;                                                   \
+    } while (0)
+
+#include "estimators/bidirectional.h"
 #include "prepare/prepare.h"
 #include "scene/stacks.h"
 
@@ -404,37 +438,54 @@ OVER_COLUMNS(eye)
     put(b, 8, e.weight);
 }
 
-/* ---- Vertices that are kept: the number of a path and of a vertex to (how many there are, that one's point, normal,
-   throughput, pdf and whether a delta sent the path there, and the path's radiance); a vertex below 0: none is kept. */
-enum { VERTICES_ROOM = 3 };
-OVER_COLUMNS(vertices)
+/* ---- Bidirectional paths: a row for each that a strategy has weighed, of up to NOTED_VERTICES vertices: (number of the
+   pair, s, t, is nothing in between), then from the light on vertex i (point, is it a delta's), x_k left out, and at 4 + 4
+   NOTED_VERTICES + s' the density of (s', k + 1 - s') over this one's, 0 if it cannot sample the path, -1 if there is none. */
+static void note_weight(int s, int t, double weight)
 {
-    Features f = scene->features;
-    Start start;
-    Path path;
-    Vertex list[LANES * VERTICES_ROOM];
-    Vertices kept = {list, VERTICES_ROOM, {0}};
-    memset(&start, 0, sizeof start);
-    memset(&path, 0, sizeof path);
-    memset(list, 0, sizeof list);
-    start.rng.key[0] = path.rng.key[0] = 20240229u;
-    start.rng.pixel = path.rng.pixel = (Bits)get_index(b, 0);
-    start_at(&start, scene, real(scene->width / 2), real(scene->height / 2), f);
-    path.ray = start.ray;
-    path.roulette = start.roulette;
-    if (b->in[b->n + b->at] >= 0) {
-        f.use |= USE_VERTICES;
-        path.vertices = &kept;
+    int k = s + t - 1;
+    if (k >= NOTED_VERTICES || notes.count == notes.room)
+        return;
+    double *row = notes.rows + NOTED * notes.count++;
+    const double head[4] = {(double)notes.sample, s, t, s == 0};
+    memcpy(row, head, sizeof head);
+    for (int i = 0; i < k; i++) {
+        int from_light = i < s && !(s == 1 && t > 1), n = from_light ? i : k - i;
+        const double *p = s == 1 && t > 1 && i == 0 ? notes.point[2][0] : notes.point[from_light][n];
+        bool inner = from_light ? i < s - 1 && i > 0 : n > 0 && i > s && !(s == 0 && i == 0);
+        memcpy(row + 4 + 4 * i, p, 3 * sizeof *p);
+        row[7 + 4 * i] = inner && notes.delta[from_light][n];
     }
-    for (path_start(&path, mask_all()); any(path.alive);)
-        path_step(&path, scene, f);
-    put_light(b, 11, path.radiance);
-    for (size_t lane = 0; lane < LANES && b->at + lane < b->n; lane++) {
-        double k = b->in[b->n + b->at + lane], *to = b->out + b->at + lane;
-        const Vertex *v = &list[lane * VERTICES_ROOM + (size_t)(k > 0 ? k : 0)];
-        const double numbers[11] = {kept.count[lane], v->p[0], v->p[1], v->p[2], v->n[0], v->n[1], v->n[2],
-            v->throughput[0], v->pdf_w, v->delta, (double)v->slot};
-        for (size_t row = 0; row < 11; row++)
-            to[row * b->n] = numbers[row];
+    notes.other[s] = weight;
+    for (int i = 0; i < NOTED_VERTICES; i++)
+        row[4 + 4 * NOTED_VERTICES + i] = i <= k ? notes.other[i] : -1;
+    memset(notes.other, 0, sizeof notes.other);
+}
+
+extern size_t pairs(const void *scene, uint32_t seed, size_t n, double *rows, size_t room);
+size_t pairs(const void *prepared, uint32_t seed, size_t n, double *rows, size_t room)
+{
+    const Scene *scene = prepared;
+    Pair pair = {.scene = scene, .most_s = (int)scene->max_depth, .most_edges = (int)scene->max_depth};
+    Splats splats = {NULL, 0, 0};
+    size_t items[LANES] = {0}, pixels = (size_t)scene->width * (size_t)scene->height;
+    Mask active = mask_none();
+    memset(&notes, 0, sizeof notes);
+    notes.rows = rows;
+    notes.room = room;
+    LANE(active, 0) = LANE(mask_all(), 0);
+    for (notes.sample = 0; notes.sample < n; notes.sample++) {
+        size_t pixel = notes.sample % pixels;
+        Start start;
+        memset(&start, 0, sizeof start);
+        start.rng.key[0] = pair.light.path.rng.key[0] = pair.eye.path.rng.key[0] = seed;
+        start.rng.pixel = bits_of(pixel);
+        start.rng.sample_low = bits_of(notes.sample / pixels);
+        start_at(&start, scene, real((double)(pixel % (size_t)scene->width)), real((double)(pixel / (size_t)scene->width)),
+            scene->features);
+        trace_pair(&pair, &start, active, items, &splats, scene->features);
+        splats.count = 0;
     }
+    free(splats.list);
+    return notes.count;
 }

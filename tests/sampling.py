@@ -30,18 +30,21 @@ FALSE_ALARMS, CHECKS = 1e-4, 160
 LEVEL = -np.expm1(np.log1p(-FALSE_ALARMS) / CHECKS)
 FEWEST_EXPECTED = 10.0
 
-ESTIMATORS = {"walk": 0, "nee": 1, "mis": 2, "light": 3}
+ESTIMATORS = {"walk": 0, "nee": 1, "mis": 2, "light": 3, "bidirectional": 4}
 HEMISPHERES = {"uniform": 0, "cosine": 1}
 NORMALS = {"all": 0, "visible": 1}
 CHOICES = {"uniform": 0, "power": 1, "contribution": 2, "learned": 3}
 POINTS = {"area": 0, "facing": 1, "cone": 2}
+
+NOTED_VERTICES = 8
+NOTED = 4 + 5 * NOTED_VERTICES
 
 # The numbers that each entry of sampling.c gives for a column.
 ROWS = {
     **dict.fromkeys(("hemisphere_uniform", "hemisphere_cosine", "sphere", "cone", "densities"), 4),
     **dict.fromkeys(("square", "disk", "triangle"), 4),
     **{"dielectric": 3, "conductor": 1, "scatter": 21, "light_sample": 9, "light_hit": 4, "choose": 2},
-    **{"sky": 4, "choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4, "vertices": 14},
+    **{"sky": 4, "choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4},
     **{"frame": 12, "evaluate": 7, "receiver": 8, "visibility": 4},
 }
 
@@ -135,6 +138,17 @@ class Driver:
         """How many vertices of a file's first shape, a mesh, lack texture coordinates that others have."""
         description = ctypes.c_void_p(self.library.scene_read(str(file).encode()))
         return self.library.mesh_without_uv(description)
+
+    def pairs(self, scene: int, n: int, seed: int) -> Array:
+        """What n pairs of subpaths weighed, (paths, NOTED): sampling.c says in which columns."""
+        rows = np.zeros((40 * n, NOTED))
+        self.library.pairs.restype = ctypes.c_size_t
+        count = self.library.pairs(
+            ctypes.c_void_p(scene), ctypes.c_uint32(seed), ctypes.c_size_t(n),
+            rows.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(len(rows)),
+        )  # fmt: skip
+        assert count < len(rows)
+        return rows[:count]
 
     def light_count(self, scene: int) -> int:
         return self.library.emitter_count(ctypes.c_void_p(scene))

@@ -23,9 +23,12 @@ LINES = {
 
 WAYS = (
     "--estimator walk", "--estimator nee", "", "--hemisphere uniform", "--mis-pdf survival",
-    "--estimator light",
+    "--estimator light", "--estimator bidirectional",
 )  # fmt: skip
-LIGHT_WAYS = ("--estimator nee", "", "--light-choice learned", "--light-choice uniform", "--estimator light")
+LIGHT_WAYS = (
+    "--estimator nee", "", "--light-choice learned", "--light-choice uniform", "--estimator light",
+    "--estimator bidirectional",
+)  # fmt: skip
 REFLECTANCE, TRANSMITTANCE = np.array([0.5, 0.3, 0.0]), np.array([0.3, 0.5, 0.6])
 SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{", ".join(map(str, REFLECTANCE))}"/>
     <rgb name="transmittance" value="{", ".join(map(str, TRANSMITTANCE))}"/></bsdf>"""
@@ -141,7 +144,8 @@ def test_a_spot_with_a_disk_for_its_place(renderer: Oneray, way: str, radius: fl
     spot = SPOT.format(kind="diskspot", x=0, power=10, more=f'<float name="radius" value="{radius}"/>')
     below = '<emitter type="point"><point name="position" x="0" y="0" z="-5"/></emitter>'
     wanted = [10 * 0.5 / np.pi * irradiance_of_spots(radius)] * 3
-    fov, spp, slack = (8, 16384, 2e-3) if way == "--estimator light" else (0.1, 1024, 1e-5)
+    traced = way in ("--estimator light", "--estimator bidirectional")
+    fov, spp, slack = (8, 16384, 2e-3) if traced else (0.1, 1024, 1e-5)
     shows(renderer, world(sheet(diffuse(0.5)) + spot + below, fov=fov), way, wanted, spp, slack)
 
 

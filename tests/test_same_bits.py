@@ -22,6 +22,8 @@ TECHNIQUES = {
     "walk": ["--estimator", "walk"],
     "learned": ["--light-choice", "learned", "--light-points", "facing", "--mis-pdf", "survival"],
     "light": ["--estimator", "light"],
+    "bidirectional": ["--estimator", "bidirectional"],
+    "joined": ["--estimator", "bidirectional", "--strategy", "2,2", "--mis", "balance"],
     "sobol": ["--sampler", "sobol"],
 }
 
@@ -32,7 +34,10 @@ def film(oneray: Path, scene: Path, target: Path, *options: str, samples: str = 
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if "walk" in options and "no random ray hits" in done.stderr:
         return None
-    if "light" in options and ("shows a mirror or glass" in done.stderr or "hide_emitters" in done.stderr):
+    if "light" in options and "shows a mirror or glass" in done.stderr:
+        return None
+    refused = "hide_emitters" in done.stderr or "bumpmap" in done.stderr
+    if refused and {"light", "bidirectional"} & set(options):
         return None
     if "none" in options and "would never end" in done.stderr:
         return None

@@ -1,5 +1,5 @@
-"""Seams for what is to come: vertices of a path can be kept, a stretch of a ray can have a transmittance,
-a blend can have several finite parts. They serve where they are asked for, and are not there where not.
+"""Seams: a stretch of a ray can have a transmittance, a blend can have several finite parts, paths can be
+bidirectional. They serve where they are asked for, and are not there where not.
 """
 
 from __future__ import annotations
@@ -10,17 +10,12 @@ import subprocess
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
-import pytest
 from building import build
-from sampling import SCENE, SOURCES, Driver
-
-PATHS = 4000
+from sampling import SOURCES
 
 # What stands in the sources for nothing else, and how often.
 SEAMS = {
-    "estimators/walk.h": (r"    note_vertex\(path, hit, &surface, f\);\n", 1),
-    "estimators/light.h": (r"    note_vertex\(path, hit, &surface, f\);\n", 1),
+    "kernel/trace.h": (r"    if \(f\.use & USE_BIDIRECTIONAL\) \{\n(?:.*\n){2}    \}\n", 1),
     "estimators/nee.h": (r"    if \(f\.has & HAS_ANY\(MEDIA\)\)\n        \*light = .*\n", 1),
     "materials/scatter.h": (r"    if \(f\.has & HAS_PARTS\)\n        evaluate_other_parts\(.*\n", 1),
 }
@@ -67,45 +62,3 @@ def test_seams_fold_away(tmp_path: Path) -> None:
     used = instructions(SOURCES, tmp_path / "used.o", tmp_path / "build", WITH_A_SEAM)
     not_used = instructions(copy, tmp_path / "not_used.o", tmp_path / "build", WITH_A_SEAM)
     assert used != not_used, "a seam that is used would be noticed"
-
-
-BOX = """
-<shape type="cube"><boolean name="flip_normals" value="true"/><transform name="to_world"><translate
-    z="1"/></transform><bsdf type="twosided">
-    <bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></bsdf>
-</shape>
-<shape type="rectangle"><transform name="to_world"><scale value="0.3"/><rotate x="1" angle="180"/>
-    <translate x="0.65" z="1.99"/></transform><emitter type="area"/></shape>"""
-
-
-@pytest.fixture
-def room(tmp_path: Path) -> Path:
-    path = tmp_path / "room.xml"
-    path.write_text(SCENE.format(BOX), encoding="utf-8")
-    return path
-
-
-def test_kept_vertices_are_those_of_the_walk(driver: Driver, room: Path) -> None:
-    """From vertex to vertex the throughput is multiplied by the reflectance, and the density is cosθ/π of the
-    direction from one to the next: all that a path needs is in its vertices.
-    """
-    number = np.arange(PATHS)
-    with driver.scene(room, "nee", "cosine") as scene:
-        first, second, third = (driver("vertices", number, k, scene=scene) for k in (0, 1, 2))
-    assert (first[0] == 3).mean() > 0.9
-    assert (first[9] == 0).all()
-    for k, (before, after) in enumerate(((first, second), (second, third))):
-        there = (after[0] > k + 1) & (before[10] != after[10])
-        way = after[1:4] - before[1:4]
-        cosine = np.sum(before[4:7] * way, axis=0) / np.linalg.norm(way, axis=0)
-        assert there.sum() > PATHS / 2
-        np.testing.assert_allclose(after[7][there], 0.6 * before[7][there], rtol=1e-12)
-        np.testing.assert_allclose(after[8][there], cosine[there] / np.pi, rtol=1e-6, atol=1e-9)
-
-
-def test_keeping_vertices_changes_no_picture(driver: Driver, room: Path) -> None:
-    number = np.arange(PATHS)
-    with driver.scene(room, "mis", "cosine") as scene:
-        kept, not_kept = (driver("vertices", number, k, scene=scene) for k in (0, -1))
-    np.testing.assert_array_equal(kept[11:], not_kept[11:])
-    assert (not_kept[0] == 0).all() and kept[11].mean() > 0

@@ -127,7 +127,10 @@ PARAMETERS = {
 }
 """Materials with a place for each reflectance that may be a texture."""
 COLOUR = f'<rgb name="{{}}" value="{" ".join(map(str, ONE))}"/>'
-WAYS = ("", "--estimator walk", "--estimator nee", "--mis-pdf survival", "--estimator light")
+WAYS = (
+    "", "--estimator walk", "--estimator nee", "--mis-pdf survival", "--estimator light",
+    "--estimator bidirectional",
+)  # fmt: skip
 
 
 def filled(material: str, colour: str) -> str:

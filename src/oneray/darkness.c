@@ -62,7 +62,7 @@ static size_t count_lit(const Render *r, Description *changed, size_t *count)
     size_t pixels = film_pixels(&r->film), probes = pixels < PROBES ? pixels : PROBES, lit = 0;
     double radiance[3 * PROBE_SAMPLES];
     Counters counters = {0, 0, -1, -1};
-    if (technique.estimator == ESTIMATOR_LIGHT)
+    if (technique.estimator >= ESTIMATOR_LIGHT)
         technique.estimator = ESTIMATOR_MIS;
     void *prepared = r->kernel->prepare(changed, &technique);
     const Window *w = &r->film.window;

@@ -90,7 +90,7 @@
     X(BECKMANN, beckmann, "Beckmann's distribution")                                                         \
     X(FILTER, filter, "filter that is no pixel")
 
-/* VERTICES and PARTS, and the empty lists, are seams for what is to come: nothing of today sets them.
+/* The empty lists are seams for what is to come: nothing of today sets them.
    What a technique does with it (technique.h). */
 #define USES(X)                                                                                              \
     X(NEE, nee, "next event estimation")                                                                     \
@@ -107,8 +107,8 @@
     X(ROULETTE, roulette, "roulette")                                                                        \
     X(SCHLICK, schlick, "Schlick's Fresnel")                                                                 \
     X(LIGHT_PATHS, light_paths, "light tracing")                                                             \
-    X(SOBOL, sobol, "Sobol' points")                                                                         \
-    X(VERTICES, vertices, "vertices kept")
+    X(BIDIRECTIONAL, bidirectional, "bidirectional paths")                                                   \
+    X(SOBOL, sobol, "Sobol' points")
 
 #define X(NAME, name, words) MATERIAL_##NAME,
 typedef enum { MATERIALS(X) MATERIAL_BLEND } MaterialKind;

@@ -27,6 +27,7 @@ typedef struct {
         REAL,      /* double between low and high */
         RANGE,     /* first_sample and sample_count */
         CROP,      /* uint64_t[4] */
+        STRATEGY,  /* uint64_t[2] */
         FLAG,      /* bool, without a word */
         PARAMETER, /* the word follows without a space */
         HELP,
@@ -87,14 +88,17 @@ static const Option table[] = {
     {"--normals", NULL, TECHNIQUE(normals), .unasked = NORMALS_VISIBLE, OF(NORMALS),
         .help = "of a rough surface's microfacets, with --hemisphere cosine"},
     {"--light-choice", NULL, TECHNIQUE(light_choice), .unasked = LIGHT_CHOICE_CONTRIBUTION, OF(LIGHT_CHOICES),
-        .estimators = WITH(NEE) | WITH(MIS) | WITH(LIGHT),
+        .estimators = WITH(NEE) | WITH(MIS) | WITH(LIGHT) | WITH(BIDIRECTIONAL),
         .help = "one of N lights, divided by its probability (L4)"},
     {"--light-points", NULL, TECHNIQUE(light_points), .unasked = LIGHT_POINTS_CONE, OF(POINTS_ON_LIGHTS),
-        .estimators = WITH(NEE) | WITH(MIS), .help = "where on the light"},
-    {"--mis", NULL, TECHNIQUE(mis), .unasked = MIS_POWER, OF(MIS_HEURISTICS), .estimators = WITH(MIS),
-        .help = "weights of --estimator mis"},
+        .estimators = WITH(NEE) | WITH(MIS) | WITH(BIDIRECTIONAL), .help = "where on the light"},
+    {"--mis", NULL, TECHNIQUE(mis), .unasked = MIS_POWER, OF(MIS_HEURISTICS),
+        .estimators = WITH(MIS) | WITH(BIDIRECTIONAL), .help = "weights of --estimator mis and bidirectional"},
     {"--mis-pdf", NULL, TECHNIQUE(mis_pdf), .unasked = MIS_PDF_BSDF, OF(MIS_PDFS), .estimators = WITH(MIS),
         .help = "density of the walk in them"},
+    {"--strategy", "S,T", STRATEGY, AT(technique.strategy),
+        .help = "of --estimator bidirectional only this one, unweighted: S vertices from the light,\n"
+                "T from the eye"},
     {"--roulette", NULL, TECHNIQUE(roulette), .unasked = ROULETTE_SURVIVAL, OF(ROULETTES),
         .help = "how a path ends"},
     {"--fresnel", NULL, TECHNIQUE(fresnel), .unasked = FRESNEL_EXACT, OF(FRESNELS),
@@ -257,6 +261,11 @@ static void take(Options *o, const Option *option, const char *word)
         if (!o->crop[2] || !o->crop[3])
             die("--crop %s: WIDTH and HEIGHT are 1 at least", word);
         break;
+    case STRATEGY:
+        numbers(option, word, o->technique.strategy);
+        if (!o->technique.strategy[1])
+            die("--strategy %s: T is 1 at least, the eye", word);
+        break;
     case FLAG: *(bool *)at = true; break;
     case PARAMETER: parameter(o, word); break;
     case HELP: help();
@@ -264,12 +273,21 @@ static void take(Options *o, const Option *option, const char *word)
     }
 }
 
+#define WORD_OF(name, word, help) word,
+static const char *const estimators[] = {ESTIMATORS(WORD_OF)};
+
 /* Options of a technique that the estimator has no use for. What was not asked for is -1. */
 static void check_technique(const Technique *t, const Technique *asked)
 {
-    if ((asked->mis >= 0 || asked->mis_pdf >= 0) && t->estimator != ESTIMATOR_MIS)
+    bool pairs = t->estimator == ESTIMATOR_BIDIRECTIONAL;
+    if (((asked->mis >= 0 && !pairs) || asked->mis_pdf >= 0) && t->estimator != ESTIMATOR_MIS)
         die("%s weighs two ways to find a light: it goes with --estimator mis only",
             asked->mis >= 0 ? "--mis" : "--mis-pdf");
+    if (t->strategy[1] && !pairs)
+        die("--strategy is one of --estimator bidirectional's: it does nothing with --estimator %s",
+            estimators[t->estimator]);
+    if (pairs && asked->light_choice == LIGHT_CHOICE_LEARNED)
+        die("--estimator bidirectional: --light-choice learned is not supported (uniform, power, contribution)");
     if (t->estimator == ESTIMATOR_WALK && (asked->light_choice >= 0 || asked->light_points >= 0))
         die("--estimator walk sends no ray to a light: %s does nothing there",
             asked->light_choice >= 0 ? "--light-choice" : "--light-points");
@@ -466,11 +484,13 @@ void options_check(const Options *options, const Description *scene)
                 "missing; use nee or mis",
                 kinds[light->kind]);
     }
-    if (options->technique.estimator == ESTIMATOR_LIGHT && scene->hide_emitters)
-        die("%s: hide_emitters is not supported with --estimator light", options->scene);
-    for (int i = 0; options->technique.estimator == ESTIMATOR_LIGHT && i < scene->material_count; i++)
+    const char *estimator = estimators[options->technique.estimator];
+    bool from_lights = options->technique.estimator >= ESTIMATOR_LIGHT;
+    if (from_lights && scene->hide_emitters)
+        die("%s: hide_emitters is not supported with --estimator %s", options->scene, estimator);
+    for (int i = 0; from_lights && i < scene->material_count; i++)
         if (scene->materials[i].bump.texture)
-            fail(&scene->materials[i], "--estimator light: a bumpmap or normalmap is not supported there");
+            fail(&scene->materials[i], "--estimator %s: a bumpmap or normalmap is not supported there", estimator);
     if (scene->max_depth < 0 && options->technique.roulette == ROULETTE_NONE)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;
@@ -485,4 +505,7 @@ void options_technique(const Technique *t, char *text, int size)
         if (table[i].kind == CHOICE && (!table[i].estimators || table[i].estimators >> t->estimator & 1))
             used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", table[i].name,
                 table[i].values[*choice(&technique, &table[i])].word);
+        else if (table[i].kind == STRATEGY && t->strategy[1])
+            used += snprintf(text + used, (size_t)(size - used), " %s %llu,%llu", table[i].name,
+                (unsigned long long)t->strategy[0], (unsigned long long)t->strategy[1]);
 }

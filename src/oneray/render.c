@@ -102,7 +102,7 @@ NORETURN static void die_of(const Render *r, size_t pixel, uint64_t sample, cons
 {
     size_t width = (size_t)r->film.window.image_width;
     char place[96] = "";
-    int vertex = r->options->technique.estimator == ESTIMATOR_LIGHT ? 0 : bad_vertex(r, pixel, sample);
+    int vertex = r->options->technique.estimator >= ESTIMATOR_LIGHT ? 0 : bad_vertex(r, pixel, sample);
     if (vertex)
         snprintf(place, sizeof place, ", vertex %d", vertex);
     for (int c = 0; c < 3; c++)
@@ -209,14 +209,15 @@ static void gather_splats(const Splats *splats, size_t paths, const Sensor *sens
 
 /* L17 One more pass of light tracing: a light path and a camera ray for each pixel, the ray for the light that
    the eye sees itself (L12). What falls on a pixel in one pass is one sample of it. Light paths are those of the
-   whole image, whatever the window. */
+   whole image, whatever the window. T1 of bidirectional paths too, which are both at once. */
 static void render_pass(Render *r, uint64_t sample)
 {
     const Window *w = &r->film.window;
     size_t pixels = film_pixels(&r->film), all = (size_t)w->image_width * (size_t)w->image_height;
     Layer layer = {0, sample, allocate(pixels, 6 * sizeof(double))};
-    double *radiance = allocate(all, 3 * sizeof *radiance);
-    for (size_t pixel = 0, count; pixel < pixels && !interrupted(); pixel += count) {
+    bool pairs = r->options->technique.estimator == ESTIMATOR_BIDIRECTIONAL;
+    double *radiance = allocate(all, 3 * sizeof *radiance), *own = allocate(pairs ? all : 0, 3 * sizeof *own);
+    for (size_t pixel = 0, count; pixel < pixels && !pairs && !interrupted(); pixel += count) {
         count = pixels - pixel < JOB_SAMPLES ? pixels - pixel : JOB_SAMPLES;
         size_t place = place_in_image(w, pixel, &count);
         run(r, (Job){0, sample, place, 1, count, radiance + 3 * place, NULL});
@@ -225,10 +226,13 @@ static void render_pass(Render *r, uint64_t sample)
     for (size_t pixel = 0; pixel < all && !interrupted(); pixel += JOB_SAMPLES) {
         size_t count = all - pixel < JOB_SAMPLES ? all - pixel : JOB_SAMPLES;
         splats.count = 0;
-        run(r, (Job){0, sample, pixel, 1, count, NULL, &splats});
+        run(r, (Job){0, sample, pixel, 1, count, pairs ? own + 3 * pixel : NULL, &splats});
         gather_splats(&splats, count, &r->scene->sensor, radiance);
     }
     free(splats.list);
+    for (size_t i = 0; i < 3 * all && pairs; i++)
+        radiance[i] += own[i];
+    free(own);
     for (size_t pixel = 0, count = 1; pixel < pixels; pixel++) {
         size_t place = place_in_image(w, pixel, &count);
         if (film_reduce(radiance + 3 * place, 0, (double (*)[6])(layer.pixels + 6 * pixel)) >= 0)
@@ -370,7 +374,7 @@ void render_image(Render *r)
     r->started = r->saved = seconds_now();
     for (uint64_t left; !interrupted() && (left = samples_left(r)) > 0;) {
         uint64_t first = o->first_sample + film_samples(&r->film);
-        if (o->technique.estimator == ESTIMATOR_LIGHT)
+        if (o->technique.estimator >= ESTIMATOR_LIGHT)
             render_pass(r, first);
         else
             render_block(r, first, next_level(r, first, left));

@@ -9,7 +9,9 @@
     X(ESTIMATOR_WALK, "walk", "L7 the random walk alone: light counts where a random ray hits it")           \
     X(ESTIMATOR_NEE, "nee", "L10 next event estimation: a ray to a light at every vertex (L1 to L3, L11, L12)") \
     X(ESTIMATOR_MIS, "mis", "L13 both, weighed by multiple importance sampling")                             \
-    X(ESTIMATOR_LIGHT, "light", "L17 light tracing: paths from the lights, each vertex joined to the eye")
+    X(ESTIMATOR_LIGHT, "light", "L17 light tracing: paths from the lights, each vertex joined to the eye")     \
+    X(ESTIMATOR_BIDIRECTIONAL, "bidirectional",                                                              \
+        "T1 both ways at once: every vertex of a path from a light joined to every one from the eye")
 
 #define HEMISPHERES(X)                                                                                       \
     X(HEMISPHERE_UNIFORM, "uniform", "L8 uniform, scaled by 2 pi")                                           \
@@ -69,6 +71,8 @@ enum { SAMPLERS(NAME) };
 /* A value of each list. */
 typedef struct {
     int estimator, hemisphere, normals, light_choice, light_points, mis, mis_pdf, roulette, fresnel, sampler;
+    uint64_t strategy[2]; /* of bidirectional paths the one that is rendered, unweighted: vertices from the light and from the
+                             eye; {0, 0}: all */
 } Technique;
 
 /* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5

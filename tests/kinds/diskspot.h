@@ -56,4 +56,10 @@ INLINE FirstRay diskspot_emit(const Emitters *emitters, Index i, const Real plac
     return ray;
 }
 
+/* The point of the disk is chosen alike from anywhere: like one that is certain, it is in no weight. */
+INLINE EmitPdf diskspot_emit_pdf(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    return spot_emit_pdf(emitters, i, o, d, f);
+}
+
 #endif

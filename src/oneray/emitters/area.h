@@ -164,4 +164,29 @@ INLINE FirstRay area_emit(const Emitters *emitters, Index i, const Real place[2]
         point, d, index_of_light(emitters->slot, i, f), light_all(REAL_PI * of_light(emitters->area, i, f))};
 }
 
+/* T1 Of its normal and the direction d from a point o of it; negative on the side that does not shine. */
+INLINE Real area_cosine(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    Real cosine = real(0);
+    if (f.has & (HAS_FLAT_LIGHT | HAS_MESH_LIGHT))
+        cosine = vec_dot(vec_of_light(emitters->normal, i, f), d);
+    if (f.has & (HAS_SPHERE_LIGHT | HAS_CYLINDER_LIGHT)) {
+        Vec out = vec_sub(o, vec_of_light(emitters->position, i, f)), axis = vec_of_light(emitters->normal, i, f);
+        Mask ball = shines_from(emitters, SHAPE_SPHERE, i, f), wall = shines_from(emitters, SHAPE_CYLINDER, i, f);
+        if (f.has & HAS_CYLINDER_LIGHT) {
+            Real along = only(wall, vec_dot(out, axis) / vec_dot(axis, axis));
+            out = vec_sub(out, vec_scale(axis, along));
+        }
+        cosine = select(ball | wall, vec_dot(out, d) / of_light(emitters->radius, i, f), cosine);
+    }
+    return cosine;
+}
+
+INLINE EmitPdf area_emit_pdf(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    Real cosine = area_cosine(emitters, i, o, d, f);
+    return (EmitPdf){real(1) / of_light(emitters->area, i, f), pdf_w_hemisphere_cosine(real_max(cosine, real(0))), cosine,
+        mask_none(), mask_all()};
+}
+
 #endif

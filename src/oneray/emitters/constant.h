@@ -51,4 +51,10 @@ INLINE FirstRay constant_emit(const Emitters *emitters, Index i, const Real plac
     return from_far_away(emitters, sample_sphere(way[0], way[1]), place, flux / pdf_w_sphere());
 }
 
+INLINE EmitPdf constant_emit_pdf(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    (void)i, (void)o, (void)f;
+    return (EmitPdf){constant_pdf_w(emitters, vec_neg(d)), pdf_a_across(emitters), real(1), mask_all(), mask_all()};
+}
+
 #endif

@@ -58,4 +58,10 @@ INLINE FirstRay directional_emit(const Emitters *emitters, Index i, const Real p
     return from_far_away(emitters, vec_of_light(emitters->edge_x, i, f), place, REAL_PI * radius * radius);
 }
 
+INLINE EmitPdf directional_emit_pdf(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    (void)i, (void)o, (void)d, (void)f;
+    return (EmitPdf){real(1), pdf_a_across(emitters), real(1), mask_all(), mask_none()};
+}
+
 #endif

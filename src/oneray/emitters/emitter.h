@@ -6,6 +6,7 @@
      name_traits         what is asked of that (traits.h); it looks at nothing that a pointer leads to
      name_towards        one ray to it for (u, v) in [0,1)²: what reaches the point over emission and p_i, 1/pdf_w
      name_emit           one ray from it (light paths): where it starts by `place`, its direction by `way`
+     name_emit_pdf       the densities of that, for a point o of the light and a direction d
    and for a kind of SKIES, which a ray meets where it leaves the scene,
      name_radiance       what it meets there, with the emission; also asked of lanes without a direction, d = 0
      name_pdf_w          the density of name_towards.
@@ -133,6 +134,19 @@ typedef struct {
     Index from; /* slot */
     Light flux; /* that it carries, over the emission of the light */
 } FirstRay;
+
+/* T1 The densities of a light path's first ray. Of a light at a place: of its point, m⁻² (of a delta light 1), and of its
+   direction, sr⁻¹. Of one from far away: of its direction, sr⁻¹ (or 1), and of where across it the ray is, m⁻². */
+typedef struct {
+    Real p_0, p_1;
+    Real cosine; /* of the direction at the light's surface, on the side that shines; 1 where it has none */
+    Mask far, met; /* met: random rays meet it, for it is no delta */
+} EmitPdf;
+
+INLINE Real pdf_a_across(const Emitters *emitters)
+{
+    return REAL_INV_PI / (real(emitters->world_radius) * real(emitters->world_radius));
+}
 
 /* L1 Towards the light's place: E = I cosθ/d², I in W·sr⁻¹ (Mitsuba's intensity, the lecture's flux / 4π). The
    receiver's cosine is left to the caller. */

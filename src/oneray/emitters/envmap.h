@@ -183,4 +183,10 @@ APART FirstRay envmap_emit(const Emitters *emitters, Index i, const Real place[2
     return ray;
 }
 
+INLINE EmitPdf envmap_emit_pdf(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    (void)i, (void)o, (void)f;
+    return (EmitPdf){envmap_pdf_w(emitters, vec_neg(d)), pdf_a_across(emitters), real(1), mask_all(), mask_all()};
+}
+
 #endif

@@ -49,4 +49,10 @@ INLINE FirstRay point_emit(const Emitters *emitters, Index i, const Real place[2
         light_all(real(1) / pdf_w_sphere())};
 }
 
+INLINE EmitPdf point_emit_pdf(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    (void)emitters, (void)i, (void)o, (void)d, (void)f;
+    return (EmitPdf){real(1), pdf_w_sphere(), real(1), mask_none(), mask_none()};
+}
+
 #endif

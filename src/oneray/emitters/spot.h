@@ -83,4 +83,10 @@ INLINE FirstRay spot_emit(const Emitters *emitters, Index i, const Real place[2]
     return (FirstRay){vec_of_light(emitters->position, i, f), d, index_of(-1), light_all(falloff / pdf_w_cone(extent))};
 }
 
+INLINE EmitPdf spot_emit_pdf(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    (void)o, (void)d;
+    return (EmitPdf){real(1), pdf_w_cone(of_light(emitters->extent, i, f)), real(1), mask_none(), mask_none()};
+}
+
 #endif

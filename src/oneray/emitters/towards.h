@@ -50,3 +50,21 @@ INLINE FirstRay sample_first_ray(const Emitters *emitters, Index i, const Real p
 #undef X
     return ray;
 }
+
+/* T1 The densities of a ray from light i, chosen already, from its point o along d. */
+INLINE EmitPdf pdf_of_first_ray(const Emitters *emitters, Index i, Vec o, Vec d, Features f)
+{
+    int one_kind = IS_ONE(f.has & HAS_ANY(EMITTERS));
+    EmitPdf pdf = {real(1), real(1), real(1), mask_none(), mask_none()};
+    Index kind = one_kind ? index_of(0) : index_of_light(emitters->kind, i, f);
+#define X(NAME, name, words)                                                                                 \
+    if (f.has & HAS_##NAME) {                                                                                \
+        Mask is = one_kind ? mask_all() : kind == index_of(EMITTER_##NAME);                                  \
+        EmitPdf one = name##_emit_pdf(emitters, i, o, d, f);                                                 \
+        pdf = (EmitPdf){select(is, one.p_0, pdf.p_0), select(is, one.p_1, pdf.p_1), select(is, one.cosine, pdf.cosine), \
+            index_select(is, one.far, pdf.far), index_select(is, one.met, pdf.met)};                         \
+    }
+    EMITTERS(X)
+#undef X
+    return pdf;
+}

@@ -3,9 +3,14 @@
 
 #include "estimators/mis.h"
 
-/* Light that the ray meets on a surface. */
-INLINE Light surface_emission_met(
-    const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
+/* An area light that the ray meets. */
+typedef struct {
+    Mask shines;
+    Light emission;
+    Index i;
+} LightMet;
+
+INLINE LightMet light_met(const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
 {
     const Emitters *emitters = &scene->emitters;
     Light emission = light_of(emitters->emission[0]);
@@ -15,21 +20,33 @@ INLINE Light surface_emission_met(
         shines = (hit.slot >= 0) & (light_max(emission) > real(0));
     }
     shines &= front & path->alive;
-    if (!any(shines))
-        return light_all(real(0));
     Index i = index_of(0);
+    if (!any(shines))
+        return (LightMet){shines, emission, i};
     if (f.has & HAS_MANY_LIGHTS)
         i = gather_index(emitters->slot_light, s->of);
     if ((f.has & HAS_MANY_LIGHTS) && (f.has & HAS_MESH_LIGHT)) {
         i = i + index_select(s->slot == s->of, index_of(0), s->slot);
         i = index_select(shines, i, index_of(0));
     }
+    return (LightMet){shines, emission, i};
+}
+
+/* Light that the ray meets on a surface. */
+INLINE Light surface_emission_met(
+    const Path *path, const Scene *scene, Hit hit, const Surface *s, Mask front, Features f)
+{
+    const Emitters *emitters = &scene->emitters;
+    LightMet met = light_met(path, scene, hit, s, front, f);
+    if (!any(met.shines))
+        return light_all(real(0));
+    Index i = met.i;
     Real weight = weight_of_hit(path, inverse_pdf_w_light(path, scene, i, hit.t, s->cos_face, f), f);
     if (f.has & HAS_STACKS) { /* in the place that the ray starts from it is met only so (is_itself) */
         Receiver at = last_receiver(path);
         weight = select(is_itself(emitters, i, &at, f), real(1), weight);
     }
-    return light_only(shines, light_scale(emission, weight));
+    return light_only(met.shines, light_scale(met.emission, weight));
 }
 
 /* Light that the ray meets where it leaves the scene. */

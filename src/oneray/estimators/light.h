@@ -81,7 +81,6 @@ STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[],
     if (!any(path->alive))
         return;
     Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
-    note_vertex(path, hit, &surface, f);
     path->alive = goes_on(path, scene, hit);
     if (!any(path->alive))
         return;

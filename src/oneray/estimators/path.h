@@ -22,7 +22,6 @@ typedef struct {
     Index rays, shadow_rays; /* how many, by lane, counted downwards where a mask is -1 */
     Hit first_hit; /* AHEAD */
     Mask unreachable; /* light tracing: the eye saw a surface that no light path can be joined to it at */
-    Vertices *vertices; /* USE_VERTICES: where they are kept */
 } Path;
 
 /* A sample on its way to a path: its random numbers and its first ray. */

@@ -28,38 +28,19 @@ STAGE Surface surface_at(
     return s;
 }
 
-/* Vertices of paths, kept as they come: what estimators want that join paths at more than their last one. */
-typedef struct {
-    double p[3], n[3], wo[3];  /* point, normal on the ray's side, unit vector to where the path came from */
-    double throughput[3];      /* of the path on its arrival */
-    double pdf_w;              /* of the direction that it came by, sr⁻¹; 0 where a delta sent it */
-    int64_t slot, row;
-    int delta;
-} Vertex;
-
-typedef struct {
-    Vertex *list; /* [lane][room] */
-    int room;     /* vertices of a path; those beyond are not kept */
-    int count[LANES];
-} Vertices;
-
-/* Puts away the surface at which the paths of these lanes have arrived as their vertex number `depth`. */
-static inline void keep_vertex(
-    Vertices *vertices, const Surface *s, Light throughput, Real pdf_w, Mask by_delta, Index depth, Mask lanes)
+/* T1 The same as another ray sees it, whose viewer is towards wo: on the other side, perhaps, of a material that transmits. */
+INLINE Surface surface_seen_from(const Materials *materials, const Surface *s, Vec wo, Features f)
 {
-    for (unsigned left = mask_bits(lanes); left; left &= left - 1) {
-        int lane = lowest_lane(left), number = (int)LANE(depth, lane);
-        if (number >= vertices->room)
-            continue;
-        Vertex *v = &vertices->list[lane * vertices->room + number];
-        vec_lane(&s->p, lane, v->p);
-        vec_lane(&s->n, lane, v->n);
-        vec_lane(&s->wo, lane, v->wo);
-        light_lane(&throughput, lane, v->throughput);
-        v->pdf_w = LANE(by_delta, lane) ? 0 : (double)LANE(pdf_w, lane);
-        v->slot = LANE(s->slot, lane);
-        v->row = LANE(s->row, lane);
-        v->delta = LANE(s->delta, lane) != 0;
-        vertices->count[lane] = number + 1;
+    Surface seen = *s;
+    Real cosine = vec_dot(s->n, wo);
+    seen.wo = wo;
+    seen.cos_o = real_abs(cosine);
+    seen.cos_face = real_abs(vec_dot(s->face, wo));
+    if (f.has & FINITE_TRANSMITTING) {
+        Mask behind = cosine < real(0);
+        seen.n = vec_scale(s->n, flip_sign(real(1), cosine));
+        seen.row = index_select(behind, s->row ^ 1, s->row);
+        find_material(materials, &seen, f);
     }
+    return seen;
 }

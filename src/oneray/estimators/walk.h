@@ -47,7 +47,7 @@ INLINE Mask towards_light(const Scene *scene, const Ray *ray, Features f)
 INLINE Hit next_hit(Path *path, const Scene *scene, Mask hiding, Features f)
 {
     path->rays += path->alive;
-    Mask last = f.use & USE_VERTICES ? mask_none() : is_last(path, scene);
+    Mask last = is_last(path, scene);
     if (!(f.has & (HAS_STACKS | HAS_MESH_LIGHT | HAS_ANY(SKIES))) && scene->emitters.count <= FEW_LIGHTS
         && !any(and_not(path->alive, last))) {
         path->alive &= towards_light(scene, &path->ray, f);
@@ -65,13 +65,6 @@ INLINE Hit next_hit(Path *path, const Scene *scene, Mask hiding, Features f)
     return hit;
 }
 
-INLINE void note_vertex(const Path *path, Hit hit, const Surface *s, Features f)
-{
-    if ((f.use & USE_VERTICES) && path->vertices)
-        keep_vertex(path->vertices, s, path->throughput, path->pdf_w, path->delta, path->depth,
-            path->alive & (hit.slot >= index_of(0)));
-}
-
 /* Which paths may go on from what they have met. A ray that leaves the scene returns no energy. */
 INLINE Mask goes_on(const Path *path, const Scene *scene, Hit hit)
 {
@@ -86,7 +79,6 @@ STAGE void path_step(Path *path, const Scene *scene, Features f)
     if (!any(path->alive))
         return;
     Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
-    note_vertex(path, hit, &surface, f);
     if (f.has & (HAS_AREA | HAS_ANY(SKIES))) {
         Light light = emission_met(path, scene, hit, &surface, front, f);
         path->radiance = light_add(path->radiance, light_mul(path_weight(path, f), light));

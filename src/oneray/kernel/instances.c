@@ -21,6 +21,7 @@
     X(many,  ROOM | HAS_MANY_LIGHTS | HAS_TREE,               PANELS | USE_CONTRIBUTION)                     \
     X(mesh,  ROOM | HAS_MESH | HAS_SMOOTH,                    PANELS)                                        \
     X(walk,  ROOM | ROUND,                                    USE_COSINE | USE_ROULETTE)                     \
+    X(pairs, ROOM,                                            PANELS | USE_BIDIRECTIONAL)                    \
     X(room_sobol, ROOM,                                       PANELS | USE_SOBOL)
 #endif
 /* clang-format on */

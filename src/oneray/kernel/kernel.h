@@ -14,7 +14,7 @@ typedef struct {
     size_t sample_count, pixel_count;
     double *radiance;
     Splats *splats; /* not NULL: light paths instead, one for each pixel's sample; they go here, radiance stays
-                       as it is */
+                       as it is. Of bidirectional paths both: what falls on any pixel goes here, on its own to radiance */
 } Job;
 
 typedef struct {

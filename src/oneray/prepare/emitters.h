@@ -251,9 +251,10 @@ static void prepare_emitters(
             if (by_tree)
                 leaves[i] = leaf_of(emitters, i, &traits, largest);
         }
+    bool paths = scene->features.use & USE_BIDIRECTIONAL; /* those from the lights are always begun by a table */
     if (by_tree)
         prepare_tree(scene, leaves);
-    else if (emitters->count)
+    if (emitters->count && (paths || !by_tree))
         prepare_choice(scene, power, technique->light_choice);
     free(power);
     free(leaves);

@@ -78,7 +78,10 @@ static uint64_t features_of_material(const Description *d, int index)
 static uint64_t uses_of_lights(const Technique *technique, Features features)
 {
     uint64_t f = USE_NEE, has = features.has;
-    if (technique->estimator == ESTIMATOR_MIS && (has & (HAS_AREA | HAS_ANY(SKIES)))) {
+    bool weighs = technique->estimator == ESTIMATOR_MIS || technique->estimator == ESTIMATOR_BIDIRECTIONAL;
+    if (technique->estimator == ESTIMATOR_BIDIRECTIONAL && technique->mis == MIS_BALANCE)
+        f |= USE_BALANCE;
+    if (weighs && (has & (HAS_AREA | HAS_ANY(SKIES)))) {
         f |= USE_MIS | (technique->mis == MIS_BALANCE ? USE_BALANCE : 0);
         if (technique->mis_pdf == MIS_PDF_SURVIVAL && (features.use & USE_ROULETTE))
             f |= USE_SURVIVAL_PDF;
@@ -130,6 +133,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f.use |= USE_ROULETTE;
     if (technique->sampler == SAMPLER_SOBOL)
         f.use |= USE_SOBOL;
+    if (technique->estimator == ESTIMATOR_BIDIRECTIONAL)
+        f.use |= USE_BIDIRECTIONAL;
     if (technique->estimator == ESTIMATOR_LIGHT)
         f.use |= USE_LIGHT_PATHS;
     else if (technique->estimator != ESTIMATOR_WALK && emitters > 0 && (f.has & HAS_ANY(FINITE_MATERIALS)))
@@ -152,6 +157,8 @@ static void *prepare(const Description *d, const Technique *technique, Features 
     scene->rr_depth = scene->features.use & USE_ROULETTE ? d->rr_depth : PATH_LIMIT;
     scene->width = d->sensor.frame.width;
     scene->height = d->sensor.frame.height;
+    for (int i = 0; i < 2; i++)
+        scene->strategy[i] = technique->strategy[i] > PATH_LIMIT ? PATH_LIMIT : (int)technique->strategy[i];
     if (features.has & HAS_FILTER)
         prepare_filter(scene, &d->sensor);
     free(first_slot);

@@ -1,7 +1,7 @@
 """raycheck list: the names that the other commands take."""
 
 from raycheck.scene import variants
-from raycheck.scene.techniques import TECHNIQUES
+from raycheck.scene.techniques import ON_REQUEST, TECHNIQUES
 
 
 def list() -> None:
@@ -17,6 +17,6 @@ def list() -> None:
     scenes.show(console)
     console.print()
     techniques = Columns(("technique", "what it does"), wrap=("what it does",))
-    for one in TECHNIQUES:
+    for one in (*TECHNIQUES, *ON_REQUEST):
         techniques.add_row(one.name, one.summary)
     techniques.show(console)

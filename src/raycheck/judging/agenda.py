@@ -19,7 +19,7 @@ from raycheck.renderers.renderer import Renderer
 from raycheck.scene import document, export
 from raycheck.scene.content import SceneContent, read_content
 from raycheck.scene.support import Support
-from raycheck.scene.techniques import BEST, Technique, applicable, technique
+from raycheck.scene.techniques import BEST, ON_REQUEST, TECHNIQUES, Technique, applicable, technique
 from raycheck.scene.variants import Variant, ladder
 from raycheck.truth import references
 
@@ -86,14 +86,16 @@ def oneray_agenda(
     depths, with oneray's default technique.
     """
     oneray = oneray_path()
-    chosen = [technique(name) for name in techniques]
+    named = {technique(name).name for name in techniques}
+    chosen = [one for one in (*TECHNIQUES, *ON_REQUEST) if one.name in named]
     _require_rendered(oneray, scenes)
     agenda = Agenda()
     pairs = []
     found = False
     for of in scenes:
-        for one in applicable(read_content(of.path, of.parameters)):
-            if chosen and one not in chosen:
+        content = read_content(of.path, of.parameters)
+        for one in chosen or applicable(content):
+            if one.why_not(content):
                 continue
             found = True
             refusal = _refusal(oneray, one, of) if "L17" in one.lecture else None

@@ -51,10 +51,12 @@ def _options(
     options = ["--estimator", estimator, "--hemisphere", hemisphere, "--normals", normals]
     if estimator != "walk":
         options += ["--light-choice", choice]
-    if estimator in ("nee", "mis"):
+    if estimator in ("nee", "mis", "bidirectional"):
         options += ["--light-points", points]
+    if estimator in ("mis", "bidirectional"):
+        options += ["--mis", mis]
     if estimator == "mis":
-        options += ["--mis", mis, "--mis-pdf", mis_pdf]
+        options += ["--mis-pdf", mis_pdf]
     return (*options, "--roulette", roulette, "--fresnel", "exact", "--sampler", sampler)
 
 
@@ -147,6 +149,18 @@ TECHNIQUES: tuple[Technique, ...] = (
         (*_TRACED, _BOUNCES)),
 )  # fmt: skip
 
+_BOTH = ("L4", "L9", "L10", "L13", "L14", "L17", "T1")
+
+ON_REQUEST: tuple[Technique, ...] = (
+    Technique("bidirectional", (*_BOTH, "L5", "L6"),
+        _options("bidirectional", choice="contribution", points="cone"),
+        "bidirectional paths: every vertex from a light joined to every one from the eye, power heuristic",
+        _TRACED),
+    Technique("bidirectional-balance", _BOTH, _options("bidirectional", mis="balance"),
+        "the same by the balance heuristic, one light by its power, a point uniform on its area", _TRACED),
+)  # fmt: skip
+"""Those that are used where they are named: no run over all techniques takes them."""
+
 BASELINE = "walk-cosine"
 """The plain random walk: prices are relative to it."""
 BEST = "mis-default"
@@ -155,10 +169,10 @@ BEST = "mis-default"
 
 def technique(name: str) -> Technique:
     """The technique of that name; NotFound with the names there are."""
-    for candidate in TECHNIQUES:
+    for candidate in (*TECHNIQUES, *ON_REQUEST):
         if candidate.name == name:
             return candidate
-    names = [known.name for known in TECHNIQUES]
+    names = [known.name for known in (*TECHNIQUES, *ON_REQUEST)]
     raise NotFound(f"no technique {name!r}{nearest(name, names)}; there are {', '.join(names)}")
 
 

@@ -13,7 +13,7 @@ from raycheck.judging.looks import look
 from raycheck.measuring.races.curves import Curve
 from raycheck.measuring.races.race import Entry
 from raycheck.scene.content import read_content
-from raycheck.scene.techniques import TECHNIQUES
+from raycheck.scene.techniques import ON_REQUEST, TECHNIQUES
 from raycheck.scene.variants import Variant
 from raycheck.stats import convergence
 from raycheck.stats.convergence import Fit, Scores
@@ -60,7 +60,7 @@ def _times(entry: Entry, rounds: int) -> tuple[float, Spread]:
 
 def _bias(name: str, images: Array, of: Variant, truth: Truth) -> tuple[str | None, float]:
     """What is wrong with the pictures of most samples beyond chance, and what bias would have been found."""
-    traced = any(one.name == name and "L17" in one.lecture for one in TECHNIQUES)
+    traced = any(one.name == name and "L17" in one.lecture for one in (*TECHNIQUES, *ON_REQUEST))
     found, regions, _ = judge_few(images - truth.mean, truth, independent_pixels=not traced)
     if found.outcome is not Outcome.FAIL:
         return None, found.mde_image
