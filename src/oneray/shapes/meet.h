@@ -268,14 +268,6 @@ STAGE Mask stacked_blocks(const Shapes *shapes, int slot, const Ray *ray, const 
     return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, itself) : blocked; /* as in sphere_blocks */
 }
 
-INLINE Mask one_lane(int lane)
-{
-    Mask one = mask_none();
-    LANE(one, lane) = LANE(mask_all(), lane);
-    (void)lane;
-    return one;
-}
-
 /* The nearest by the tree of all but triangles: each lane's ray by itself. At a leaf all lanes look at the
    shape, and only that one counts. */
 INLINE Hit nearest_in_tree(
@@ -286,15 +278,12 @@ INLINE Hit nearest_in_tree(
     Seat start = stacked ? seat_of(&shapes->stacks, ray->from) : nearest.seat;
     Beams beams;
     beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-        Mask one = one_lane(lane);
-        Beam beam = beam_of(&beams, lane, -1, -1);
-        const Slabs slabs = slabs_of(&beam);
-        Pending pending;
-        start_below(&pending, 0);
-        for (int n; (n = next_leaf(shapes->tree.nodes, &slabs, LANE(hit.t, lane), 1, &pending)) >= 0;) {
-            int slot = shapes->slot_of_leaf[n];
+    Ways ways;
+    start_below(&ways, mask_bits(active), 0);
+    while (ways.lanes) {
+        for (unsigned leaves = step(shapes->tree.nodes, &beams, &hit.t, 1, &ways); leaves; leaves &= leaves - 1) {
+            int lane = lowest_lane(leaves), slot = shapes->slot_of_leaf[-2 - ways.at[lane]];
+            Mask one = lanes_mask(1u << lane);
             if (stacked) {
                 meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
                 hit = (Hit){nearest.t, nearest.slot};
@@ -323,21 +312,16 @@ INLINE Mask blocked_in_tree(
     Mask blocked = mask_none();
     Beams beams;
     beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-        Mask one = one_lane(lane), met = mask_none();
-        Beam beam = beam_of(&beams, lane, -1, -1);
-        const Slabs slabs = slabs_of(&beam);
-        Pending pending;
-        start_below(&pending, 0);
-        for (int n; !any(met)
-                    && (n = next_leaf(shapes->tree.nodes, &slabs, LANE(ray->tmax, lane), 0, &pending)) >= 0;) {
-            int slot = shapes->slot_of_leaf[n];
-            met = one
-                  & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
-                          : slot_blocks(shapes, slot, ray, target, f));
+    Ways ways;
+    start_below(&ways, mask_bits(active), 0);
+    while (ways.lanes) {
+        for (unsigned leaves = step(shapes->tree.nodes, &beams, &ray->tmax, 0, &ways); leaves; leaves &= leaves - 1) {
+            int lane = lowest_lane(leaves), slot = shapes->slot_of_leaf[-2 - ways.at[lane]];
+            blocked |= lanes_mask(1u << lane)
+                       & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
+                               : slot_blocks(shapes, slot, ray, target, f));
         }
-        blocked |= met;
+        ways.lanes &= ~mask_bits(blocked);
     }
     return blocked;
 }
@@ -382,82 +366,35 @@ STAGE Mask each_stacked_blocks(const Shapes *shapes, const Ray *ray, Index targe
     return blocked;
 }
 
-INLINE StackedRay stacked_ray(const Shapes *shapes, const Ray *ray, int lane, Int target)
-{
-    (void)lane;
-    return (StackedRay){&shapes->stacks, {LANE(ray->d.x, lane), LANE(ray->d.y, lane), LANE(ray->d.z, lane)},
-        LANE(ray->from, lane), target};
-}
-
 /* `together`: the rays may be alike, so that packets are worth a try. */
 STAGE void triangles_hit(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int together, Hit *hit, Features f)
 {
-    unsigned hidden = f.has & HAS_HIDDEN ? mask_bits(hiding) : 0;
-    (void)together;
+    const Triangles *triangles = &shapes->triangles;
+    unsigned lanes = mask_bits(active);
     Beams beams;
-    beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-#if PACKETS
-        Packet packet;
-        unsigned alike = f.has & HAS_STACKS || !together
-                             ? 0
-                             : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
-        if (alike) {
-            Wanted wanted = {ray->from, index_of(-1), shapes->shines, hidden & alike, &hit->t, &hit->slot};
-            packet_nearest(&shapes->triangles, &packet, alike, &wanted);
-            lanes &= ~alike | 1u << lane;
-            continue;
-        }
-#endif
-        Num t = LANE(hit->t, lane);
-        Int slot = LANE(hit->slot, lane);
-        Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), -1);
-        const Int *shines = hidden >> lane & 1 ? shapes->shines : NULL;
-        if (f.has & HAS_STACKS) {
-            StackedRay stacked = stacked_ray(shapes, ray, lane, -1);
-            triangles_nearest(&shapes->triangles, &beam, 0, shines, &stacked, &t, &slot);
-        } else {
-            triangles_nearest(&shapes->triangles, &beam, 0, shines, NULL, &t, &slot);
-        }
-        LANE(hit->t, lane) = t;
-        LANE(hit->slot, lane) = slot;
-    }
+    beams_start(&beams, &triangles->tree, &ray->o, &ray->d);
+    Wanted w = {&beams, &ray->d, ray->from, index_of(-1), shapes->shines, f.has & HAS_HIDDEN ? mask_bits(hiding) : 0,
+        &shapes->stacks, hit->t, hit->slot, 0};
+    if (f.has & HAS_STACKS)
+        triangles_stacked(triangles, lanes, 1, &w);
+    else
+        triangles_nearest(triangles, together ? packets(triangles, ray, lanes, 1, &w) : lanes, 0, &w);
+    *hit = (Hit){w.t, w.slot};
 }
 
 STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
-    Mask blocked = mask_none();
+    const Triangles *triangles = &shapes->triangles;
+    unsigned lanes = mask_bits(active);
     Beams beams;
-    beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-#if PACKETS
-        Packet packet;
-        unsigned alike =
-            f.has & HAS_STACKS ? 0 : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
-        if (alike) {
-            Real t = ray->tmax;
-            Wanted wanted = {ray->from, target, NULL, 0, &t, NULL};
-            blocked |= lanes_mask(alike & ~packet_passes(&shapes->triangles, &packet, alike, &wanted));
-            lanes &= ~alike | 1u << lane;
-            continue;
-        }
-#endif
-        Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), LANE(target, lane));
-        Num tmax = LANE(ray->tmax, lane);
-        int met;
-        if (f.has & HAS_STACKS) {
-            StackedRay stacked = stacked_ray(shapes, ray, lane, LANE(target, lane));
-            met = triangles_block(&shapes->triangles, &beam, 0, &stacked, tmax);
-        } else {
-            met = triangles_block(&shapes->triangles, &beam, 0, NULL, tmax);
-        }
-        if (met)
-            blocked |= one_lane(lane);
-    }
-    return blocked;
+    beams_start(&beams, &triangles->tree, &ray->o, &ray->d);
+    Wanted w = {&beams, &ray->d, ray->from, target, NULL, 0, &shapes->stacks, ray->tmax, index_of(-1), 0};
+    if (f.has & HAS_STACKS)
+        triangles_stacked(triangles, lanes, 0, &w);
+    else
+        triangles_block(triangles, packets(triangles, ray, lanes, 0, &w), 0, &w);
+    return lanes_mask(w.blocked);
 }
 
 /* Which of these rays meet what shines: `hit` is what they meet of all but triangles, of which none shines. */
