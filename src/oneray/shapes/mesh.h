@@ -139,7 +139,7 @@ typedef struct {
    Ray/Triangle Intersection, JCGT 2(1), 2013. */
 INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beams *beams, int lane, Num least_t, Num t[8])
 {
-    const Int z_axis = beams->z[lane], x_axis = AXIS_X(z_axis), y_axis = AXIS_Y(z_axis);
+    const Int x_axis = beams->axis[0][lane], y_axis = beams->axis[1][lane], z_axis = beams->axis[2][lane];
     unsigned bits = 0;
     for (int part = 0; part < 8; part += PIECE) {
         Piece x[3], y[3], z[3], zero = {0};

@@ -89,9 +89,9 @@ INLINE unsigned lanes_alike(const Tree *tree, const Beams *beams, const Ray *ray
 {
     const Real o[3] = {ray->o.x, ray->o.y, ray->o.z}, d[3] = {ray->d.x, ray->d.y, ray->d.z};
     Index z, octant;
-    memcpy(&z, beams->z, sizeof z);
+    memcpy(&z, beams->axis[2], sizeof z);
     memcpy(&octant, beams->octant, sizeof octant);
-    Mask alike = (z == index_of(beams->z[lane])) & (octant == index_of(beams->octant[lane]));
+    Mask alike = (z == index_of(beams->axis[2][lane])) & (octant == index_of(beams->octant[lane]));
     Real extent = real(0);
     UNROLLED for (int i = 0; i < 3; i++)
     {
@@ -188,15 +188,15 @@ INLINE unsigned packet_leaf(const Packet *p, const TriangleLeaf *leaf, const Tre
 INLINE Mask triangle_meets(const Packet *p, const TriangleLeaf *leaf, int k, Real *t)
 {
     const Beams *b = p->beams;
-    const Int z_axis = b->z[p->lane];
+    const Int x_axis = b->axis[0][p->lane], y_axis = b->axis[1][p->lane], z_axis = b->axis[2][p->lane];
     Real x[3], y[3], z[3], o[3], shear[3];
     memcpy(o, b->o, sizeof o);
     memcpy(shear, b->shear, sizeof shear);
     UNROLLED for (int c = 0; c < 3; c++)
     {
         z[c] = real(leaf->corner[c][z_axis][k]) - o[2];
-        x[c] = (real(leaf->corner[c][AXIS_X(z_axis)][k]) - o[0]) - shear[0] * z[c];
-        y[c] = (real(leaf->corner[c][AXIS_Y(z_axis)][k]) - o[1]) - shear[1] * z[c];
+        x[c] = (real(leaf->corner[c][x_axis][k]) - o[0]) - shear[0] * z[c];
+        y[c] = (real(leaf->corner[c][y_axis][k]) - o[1]) - shear[1] * z[c];
     }
     Real u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
     Real least = real_min(real_min(u, v), w), most = real_max(real_max(u, v), w);

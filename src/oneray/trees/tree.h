@@ -126,16 +126,11 @@ typedef struct {
     float wider[3][LANES], far[3][LANES];
     Int first[3][LANES], last[3][LANES]; /* which planes of a node those are */
     Int octant[LANES];                   /* a bit an axis: 1/d is negative */
-    Num o[3][LANES], shear[3][LANES];    /* for triangles, in axes whose z is the one that d is longest along: o,
-                                            and d.x/d.z, d.y/d.z, 1/d.z */
-    Int z[LANES];
+    Int axis[3][LANES];                  /* for triangles: x, y and z, the one that d is longest along */
+    Num o[3][LANES], shear[3][LANES];    /* in those o, and d.x/d.z, d.y/d.z, 1/d.z */
 } Beams;
 
 #define ROUNDING 1.2e-7F
-/* The triangles' x and y, by their z. */
-#define AXIS_X(z) ((z) == 2 ? 0 : (z) + 1)
-#define AXIS_Y(z) ((z) == 0 ? 2 : (z) - 1)
-
 #define MARGIN (1 + 8 * ROUNDING)
 #define INVERSE_MOST 1e18
 #ifdef SINGLE
@@ -202,12 +197,14 @@ STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *
     Real xx = d->x * d->x, yy = d->y * d->y, zz = d->z * d->z;
     Mask is_x = (xx >= yy) & (xx >= zz), is_y = yy >= zz; /* z of the triangles, unless x */
     Index z = index_select(is_x, index_of(0), index_select(is_y, index_of(1), index_of(2)));
+    Index x = index_select(z == 2, index_of(0), z + 1);
+    const Index axis[3] = {x, 3 - x - z, z};
     Real over_z = along_axis(is_x, is_y, inverse[0], inverse[1], inverse[2]);
     const Real origin[3] = {along_axis(is_x, is_y, o->y, o->z, o->x), along_axis(is_x, is_y, o->z, o->x, o->y),
         along_axis(is_x, is_y, o->x, o->y, o->z)};
     const Real shear[3] = {along_axis(is_x, is_y, d->y, d->z, d->x) * over_z,
         along_axis(is_x, is_y, d->z, d->x, d->y) * over_z, over_z};
-    memcpy(beams->z, &z, sizeof z);
+    memcpy(beams->axis, axis, sizeof axis);
     memcpy(beams->o, origin, sizeof origin);
     memcpy(beams->shear, shear, sizeof shear);
 }
@@ -258,7 +255,7 @@ static const uint64_t squeezed[256] = {SQUEEZE_64(0), SQUEEZE_64(64), SQUEEZE_64
 #endif
 
 /* What turns an octant into the number of an order, and a place into that from the order's other end; or 0. */
-INLINE int turned_order(Int octant) { return octant >= ORDERS ? 2 * ORDERS - 1 : 0; }
+INLINE int turned_order(Int octant) { return -((int)octant / ORDERS) & (2 * ORDERS - 1); }
 
 /* Puts down the children that a lane's ray meets before `limit`, if ordered the nearest last. */
 INLINE void put_children(
