@@ -25,10 +25,11 @@ typedef struct {
     Num axis[3], cos, sin; /* a cone around the normals of what shines */
     Num slack;             /* how much nearer than the center's the cosine at the light can come, m */
     Num power;             /* Φ/π of lights at a place, W·sr⁻¹ */
-    Num far;               /* irradiance of lights without a place, W·m⁻² */
     Num count;             /* lights below */
+    Num far;               /* irradiance of lights without a place, W·m⁻² */
     Num unused[3];         /* a row is read in fours */
 } LightNode;
+enum { LIGHT_NODE_ROW = sizeof(LightNode) / sizeof(Num) };
 enum { LEARNED_NODES = 127 }; /* those nodes, the uppermost, have a learned visibility */
 
 typedef struct {
@@ -95,6 +96,15 @@ typedef struct {
     Index slot;
     Mask both_sides; /* both matter */
 } Receiver;
+
+/* One lane's, in all lanes. */
+INLINE Receiver receiver_of_lane(const Receiver *at, int lane)
+{
+    (void)lane;
+    return (Receiver){vec(real(LANE(at->p.x, lane)), real(LANE(at->p.y, lane)), real(LANE(at->p.z, lane))),
+        vec(real(LANE(at->n.x, lane)), real(LANE(at->n.y, lane)), real(LANE(at->n.z, lane))),
+        index_of(LANE(at->slot, lane)), index_of(LANE(at->both_sides, lane))};
+}
 
 typedef struct {
     Vec wi; /* unit vector to the light */

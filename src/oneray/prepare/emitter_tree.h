@@ -145,7 +145,7 @@ static void prepare_tree(Scene *scene, Leaf *leaves)
     LightTree *tree = &emitters->tree;
     size_t n = (size_t)emitters->count;
     Branch *branches = allocate(2 * n, sizeof *branches);
-    tree->nodes = keep(scene, 2 * n, sizeof *tree->nodes);
+    tree->nodes = keep_lines(scene, 2 * n, sizeof *tree->nodes);
     tree->child = keep(scene, 2 * n, sizeof *tree->child);
     tree->trail = keep(scene, n, sizeof *tree->trail);
     tree->p_by_count = (Num)0.5;
