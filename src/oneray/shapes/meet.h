@@ -29,8 +29,8 @@ INLINE void aligned_nearest(
 {
     Real t, inverse = real(1) / along(ray->d, axis);
     for (int slot = shapes->along[axis]; slot < shapes->along[axis + 1]; slot++) {
-        Mask nearer = aligned_meets(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis, inverse, &t) & (t < nearest->num)
-                      & can_meet(shapes, slot, hiding, f);
+        AlignedView view = aligned_view(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
+        Mask nearer = aligned_meets(&view, inverse, &t) & (t < nearest->num) & can_meet(shapes, slot, hiding, f);
         nearer = and_not(nearer, ray->from == index_of(slot));
         nearest->num = select(nearer, t, nearest->num);
         nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
@@ -79,18 +79,19 @@ INLINE void solid_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Hit *hi
 }
 
 /* Is a flat shape in the way, one that is neither where the ray starts nor where it ends? */
-INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, int slot)
+INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, Index slot)
 {
     Mask before = within & (c.num > real(0)) & (c.num < ray->tmax * c.den);
-    return and_not(before, (ray->from == index_of(slot)) | (target == index_of(slot)));
+    return and_not(before, (ray->from == slot) | (target == slot));
 }
 
 INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, int axis)
 {
     Mask blocked = mask_none();
     for (int slot = shapes->along[axis]; slot < shapes->along_blocking[axis]; slot++) {
-        Crossing c = aligned_crossing(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
-        blocked |= flat_blocks(c, within_aligned(&ROWS(shapes, ALIGNED, Aligned)[slot], c), ray, target, slot);
+        AlignedView view = aligned_view(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
+        Crossing c = aligned_crossing(&view);
+        blocked |= flat_blocks(c, within_aligned(&view, c), ray, target, index_of(slot));
     }
     return blocked;
 }
@@ -107,7 +108,7 @@ STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Featu
         for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->blocking[SHAPE_##NAME]; i++, slot++) { \
             Mask within;                                                                                     \
             Crossing c = name##_cross(shapes, i, ray, &within);                                              \
-            blocked |= flat_blocks(c, within, ray, target, slot);                                            \
+            blocked |= flat_blocks(c, within, ray, target, index_of(slot));                                            \
         }
     FLAT_SHAPES(X)
 #undef X
@@ -121,24 +122,26 @@ STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Featu
     return blocked;
 }
 
-INLINE int axis_of_slot(const Shapes *shapes, int slot)
+/* One shape, by its slot: the loops above for trees. Of rectangles along the axes each lane may look at its own. */
+INLINE Mask aligned_slots_meet(const Shapes *shapes, Index slot, const Ray *ray, Hit *at)
 {
-    return slot < shapes->along[1] ? 0 : slot < shapes->along[2] ? 1 : 2;
+    AlignedView view = aligned_views(shapes, ray, slot);
+    at->slot = slot;
+    return and_not(aligned_meets(&view, real(1) / view.d[0], &at->t), ray->from == slot);
+}
+INLINE Mask aligned_slots_block(const Shapes *shapes, Index slot, const Ray *ray, Index target)
+{
+    AlignedView view = aligned_views(shapes, ray, slot);
+    Crossing c = aligned_crossing(&view);
+    return flat_blocks(c, within_aligned(&view, c), ray, target, slot);
 }
 
-/* One shape, by its slot: the loops above for trees. */
 #define IF_SLOT(NAME) if ((f.has & HAS_##NAME) && slot < shapes->first[SHAPE_##NAME + 1])
 
 STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, Features f)
 {
     Mask within = mask_none(), itself = ray->from == index_of(slot);
     *at = (Hit){real(0), index_of(slot)};
-    IF_SLOT(ALIGNED)
-    {
-        int axis = axis_of_slot(shapes, slot);
-        Real inverse = real(1) / along(ray->d, axis);
-        return and_not(aligned_meets(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis, inverse, &at->t), itself);
-    }
 #define X(NAME, name, words)                                                                                 \
     IF_SLOT(NAME)                                                                                            \
     {                                                                                                        \
@@ -159,17 +162,11 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, F
 STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target, Features f)
 {
     Mask within = mask_none();
-    IF_SLOT(ALIGNED)
-    {
-        const AlignedRow *row = &ROWS(shapes, ALIGNED, Aligned)[slot];
-        Crossing c = aligned_crossing(row, ray, axis_of_slot(shapes, slot));
-        return flat_blocks(c, within_aligned(row, c), ray, target, slot);
-    }
 #define X(NAME, name, words)                                                                                 \
     IF_SLOT(NAME)                                                                                            \
     {                                                                                                        \
         Crossing c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);                 \
-        return flat_blocks(c, within, ray, target, slot);                                                    \
+        return flat_blocks(c, within, ray, target, index_of(slot));                                                    \
     }
     FLAT_SHAPES(X)
 #undef X
@@ -208,9 +205,9 @@ STAGE int slot_meetings(const Shapes *shapes, int slot, const Ray *ray, Seat sta
     SOLID_SHAPES(X)
 #undef X
     if (slot < shapes->first[SHAPE_ALIGNED + 1]) {
-        const AlignedRow *row = &ROWS(shapes, ALIGNED, Aligned)[slot];
-        c = aligned_crossing(row, ray, axis_of_slot(shapes, slot));
-        within = within_aligned(row, c);
+        AlignedView view = aligned_views(shapes, ray, index_of(slot));
+        c = aligned_crossing(&view);
+        within = within_aligned(&view, c);
     }
 #define X(NAME, name, words)                                                                                 \
     else if (slot < shapes->first[SHAPE_##NAME + 1])                                                         \
@@ -268,8 +265,18 @@ STAGE Mask stacked_blocks(const Shapes *shapes, int slot, const Ray *ray, const 
     return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, itself) : blocked; /* as in sphere_blocks */
 }
 
-/* The nearest by the tree of all but triangles: each lane's ray by itself. At a leaf all lanes look at the
-   shape, and only that one counts. */
+/* The slots of the shapes whose leaves these lanes are at, and those of rectangles along the axes; else 0. */
+INLINE Mask aligned_at(const Shapes *shapes, const Ways *ways, unsigned leaves, Index *slot, Features f)
+{
+    Mask in = lanes_mask(leaves);
+    for (int lane = 0; lane < LANES; lane++)
+        LANE(*slot, lane) = -2 - ways->at[lane];
+    in &= f.has & HAS_ALIGNED ? *slot < index_of(shapes->first[SHAPE_ALIGNED + 1]) : mask_none();
+    *slot = index_select(in, *slot, index_of(0));
+    return in;
+}
+
+/* The nearest by the tree of all but triangles. At a leaf all lanes look at the shape, and those count that are at it. */
 INLINE Hit nearest_in_tree(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int stacked, Features f)
 {
@@ -281,8 +288,17 @@ INLINE Hit nearest_in_tree(
     Ways ways;
     start_below(&ways, mask_bits(active), 0);
     while (ways.lanes) {
-        for (unsigned leaves = step(shapes->tree.nodes, &beams, &hit.t, 1, &ways); leaves; leaves &= leaves - 1) {
-            int lane = lowest_lane(leaves), slot = shapes->slot_of_leaf[-2 - ways.at[lane]];
+        unsigned leaves = step(shapes->tree.nodes, &beams, &hit.t, 1, &ways);
+        Index own = index_of(0);
+        Mask aligned = stacked || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
+        if (any(aligned)) {
+            Mask met = aligned & aligned_slots_meet(shapes, own, ray, &at);
+            if (f.has & HAS_HIDDEN)
+                met = and_not(met, hiding & (gather_index(shapes->shines, own) != 0));
+            take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
+        }
+        for (leaves &= ~mask_bits(aligned); leaves; leaves &= leaves - 1) {
+            int lane = lowest_lane(leaves), slot = -2 - ways.at[lane];
             Mask one = lanes_mask(1u << lane);
             if (stacked) {
                 meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
@@ -315,8 +331,13 @@ INLINE Mask blocked_in_tree(
     Ways ways;
     start_below(&ways, mask_bits(active), 0);
     while (ways.lanes) {
-        for (unsigned leaves = step(shapes->tree.nodes, &beams, &ray->tmax, 0, &ways); leaves; leaves &= leaves - 1) {
-            int lane = lowest_lane(leaves), slot = shapes->slot_of_leaf[-2 - ways.at[lane]];
+        unsigned leaves = step(shapes->tree.nodes, &beams, &ray->tmax, 0, &ways);
+        Index own = index_of(0);
+        Mask aligned = ends || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
+        if (any(aligned))
+            blocked |= aligned & aligned_slots_block(shapes, own, ray, target);
+        for (leaves &= ~mask_bits(aligned); leaves; leaves &= leaves - 1) {
+            int lane = lowest_lane(leaves), slot = -2 - ways.at[lane];
             blocked |= lanes_mask(1u << lane)
                        & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
                                : slot_blocks(shapes, slot, ray, target, f));
