@@ -287,7 +287,7 @@ INLINE Hit nearest_in_tree(
     beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
     Ways ways;
     start_below(&ways, mask_bits(active), 0);
-    while (ways.lanes) {
+    while (ways.inner | ways.leaves) {
         unsigned leaves = step(shapes->tree.nodes, &beams, &hit.t, 1, &ways);
         Index own = index_of(0);
         Mask aligned = stacked || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
@@ -297,8 +297,8 @@ INLINE Hit nearest_in_tree(
                 met = and_not(met, hiding & (gather_index(shapes->shines, own) != 0));
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
-        for (leaves &= ~mask_bits(aligned); leaves; leaves &= leaves - 1) {
-            int lane = lowest_lane(leaves), slot = -2 - ways.at[lane];
+        for (unsigned left = leaves & ~mask_bits(aligned); left; left &= left - 1) {
+            int lane = lowest_lane(left), slot = -2 - ways.at[lane];
             Mask one = lanes_mask(1u << lane);
             if (stacked) {
                 meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
@@ -308,6 +308,8 @@ INLINE Hit nearest_in_tree(
             Mask met = one & slot_meets(shapes, slot, ray, &at, f) & can_meet(shapes, slot, hiding, f);
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
+        for (; leaves; leaves &= leaves - 1)
+            go_on(&ways, lowest_lane(leaves), LANE(hit.t, lowest_lane(leaves)), 1);
     }
     return hit;
 }
@@ -330,19 +332,20 @@ INLINE Mask blocked_in_tree(
     beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
     Ways ways;
     start_below(&ways, mask_bits(active), 0);
-    while (ways.lanes) {
+    while (ways.inner | ways.leaves) {
         unsigned leaves = step(shapes->tree.nodes, &beams, &ray->tmax, 0, &ways);
         Index own = index_of(0);
         Mask aligned = ends || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
         if (any(aligned))
             blocked |= aligned & aligned_slots_block(shapes, own, ray, target);
-        for (leaves &= ~mask_bits(aligned); leaves; leaves &= leaves - 1) {
-            int lane = lowest_lane(leaves), slot = -2 - ways.at[lane];
+        for (unsigned left = leaves & ~mask_bits(aligned); left; left &= left - 1) {
+            int lane = lowest_lane(left), slot = -2 - ways.at[lane];
             blocked |= lanes_mask(1u << lane)
                        & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
                                : slot_blocks(shapes, slot, ray, target, f));
         }
-        ways.lanes &= ~mask_bits(blocked);
+        for (leaves &= ~mask_bits(blocked); leaves; leaves &= leaves - 1)
+            go_on(&ways, lowest_lane(leaves), 0, 0);
     }
     return blocked;
 }

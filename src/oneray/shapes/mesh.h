@@ -216,7 +216,7 @@ INLINE void triangles_walk(
 {
     Ways ways;
     start_below(&ways, lanes, root);
-    while (ways.lanes) {
+    while (ways.inner | ways.leaves) {
         unsigned leaves = step(triangles->tree.nodes, w->beams, &w->t, nearest, &ways);
         for (; leaves; leaves &= leaves - 1) {
             int lane = lowest_lane(leaves);
@@ -235,8 +235,9 @@ INLINE void triangles_walk(
                 LANE(w->t, lane) = t = at[k];
                 LANE(w->slot, lane) = slot = here;
             }
+            if (nearest || !(w->blocked >> lane & 1))
+                go_on(&ways, lane, t, nearest);
         }
-        ways.lanes &= ~w->blocked;
     }
 }
 

@@ -321,45 +321,54 @@ INLINE void put_children(
 /* The rays of several lanes on their ways through a tree, a step each in turn: while one waits for what it has asked the
    memory for, or for its own numbers, the others go on. */
 typedef struct {
-    unsigned lanes; /* those whose ways have not ended */
-    int32_t at[LANES];
+    unsigned inner, leaves; /* the lanes at nodes, and at leaves */
+    int32_t at[LANES];      /* which, as nodes have it */
     Pending pending[LANES];
 } Ways;
 
-/* At node 0, the root, or below. */
+INLINE void arrive(Ways *ways, int lane, int32_t child)
+{
+    ways->at[lane] = child;
+    ways->inner |= (unsigned)(child >= 0) << lane;
+    ways->leaves |= (unsigned)(child < -1) << lane;
+}
+
+/* To node 0, the root, or below. */
 INLINE void start_below(Ways *ways, unsigned lanes, int32_t child)
 {
-    ways->lanes = lanes;
+    ways->inner = ways->leaves = 0;
     for (; lanes; lanes &= lanes - 1) {
-        Pending *pending = &ways->pending[lowest_lane(lanes)];
-        pending->count = 2;
-        pending->near[0] = pending->near[1] = -FLT_MAX;
+        int lane = lowest_lane(lanes);
+        Pending *pending = &ways->pending[lane];
+        pending->count = 1;
+        pending->near[0] = -FLT_MAX;
         pending->child[0] = -1;
-        pending->child[1] = child;
+        arrive(ways, lane, child);
     }
 }
 
-/* The one way through a tree: a step of each, before its t, if ordered about the nearest first. Gives the lanes that are
-   at leaves, -2 - ways->at[lane]. */
+/* A lane's ray goes on to what it has still to look at before t, if ordered; at the end to nothing. */
+INLINE void go_on(Ways *ways, int lane, Num t, int ordered)
+{
+    Pending *pending = &ways->pending[lane];
+    const float limit = (float)t * MARGIN;
+    int count = pending->count - 1;
+    while (ordered && pending->near[count] > limit)
+        count--;
+    pending->count = count;
+    arrive(ways, lane, pending->child[count]);
+}
+
+/* The one way through a tree: a step of each that is at a node, if ordered about to the nearest first. Gives the lanes that
+   were at leaves, -2 - ways->at[lane]: whoever looks at these lets them go on, or not. */
 INLINE unsigned step(const TreeNode *nodes, const Beams *beams, const Real *t, int ordered, Ways *ways)
 {
-    unsigned inner = 0, leaves = 0;
-    for (unsigned left = ways->lanes; left; left &= left - 1) {
-        int lane = lowest_lane(left);
-        Pending *pending = &ways->pending[lane];
-        int count = pending->count - 1;
-        const float limit = (float)LANE(*t, lane) * MARGIN;
-        while (ordered && pending->near[count] > limit)
-            count--;
-        int child = ways->at[lane] = pending->child[count];
-        pending->count = count;
-        inner |= (unsigned)(child >= 0) << lane;
-        leaves |= (unsigned)(child < -1) << lane;
-    }
-    ways->lanes = inner | leaves;
+    unsigned inner = ways->inner, leaves = ways->leaves;
+    ways->inner = ways->leaves = 0;
     for (; inner; inner &= inner - 1) {
         int lane = lowest_lane(inner);
         put_children(&nodes[ways->at[lane]], beams, lane, (float)LANE(*t, lane) * MARGIN, ordered, &ways->pending[lane]);
+        go_on(ways, lane, LANE(*t, lane), ordered);
     }
     return leaves;
 }
