@@ -79,6 +79,13 @@ static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds
         }
         order_children(node);
     }
+    for (int i = 0; i < 3; i++) {
+        tree->low[i] = FLT_MAX, tree->high[i] = -FLT_MAX;
+        for (int k = 0; k < BVH_WIDTH; k++) {
+            tree->low[i] = fminf(tree->low[i], tree->nodes[0].plane[i][k]);
+            tree->high[i] = fmaxf(tree->high[i], tree->nodes[0].plane[3 + i][k]);
+        }
+    }
 }
 
 /* Vectors in the kernel's numbers: the description's own if these are doubles. */

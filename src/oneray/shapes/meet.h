@@ -284,9 +284,9 @@ INLINE Hit nearest_in_tree(
     Meeting nearest = no_meeting(ray);
     Seat start = stacked ? seat_of(&shapes->stacks, ray->from) : nearest.seat;
     Beams beams;
-    beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &shapes->tree, &ray->o, &ray->d, ray->tmax);
     Ways ways;
-    start_below(&ways, mask_bits(active), 0);
+    start_below(&ways, lanes, 0);
     while (ways.inner | ways.leaves) {
         unsigned leaves = step(shapes->tree.nodes, &beams, &hit.t, 1, &ways);
         Index own = index_of(0);
@@ -329,9 +329,9 @@ INLINE Mask blocked_in_tree(
 {
     Mask blocked = mask_none();
     Beams beams;
-    beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &shapes->tree, &ray->o, &ray->d, ray->tmax);
     Ways ways;
-    start_below(&ways, mask_bits(active), 0);
+    start_below(&ways, lanes, 0);
     while (ways.inner | ways.leaves) {
         unsigned leaves = step(shapes->tree.nodes, &beams, &ray->tmax, 0, &ways);
         Index own = index_of(0);
@@ -395,9 +395,8 @@ STAGE void triangles_hit(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int together, Hit *hit, Features f)
 {
     const Triangles *triangles = &shapes->triangles;
-    unsigned lanes = mask_bits(active);
     Beams beams;
-    beams_start(&beams, &triangles->tree, &ray->o, &ray->d);
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, hit->t);
     Wanted w = {&beams, &ray->d, ray->from, index_of(-1), shapes->shines, f.has & HAS_HIDDEN ? mask_bits(hiding) : 0,
         &shapes->stacks, hit->t, hit->slot, 0};
     if (f.has & HAS_STACKS)
@@ -410,9 +409,8 @@ STAGE void triangles_hit(
 STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
     const Triangles *triangles = &shapes->triangles;
-    unsigned lanes = mask_bits(active);
     Beams beams;
-    beams_start(&beams, &triangles->tree, &ray->o, &ray->d);
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, ray->tmax);
     Wanted w = {&beams, &ray->d, ray->from, target, NULL, 0, &shapes->stacks, ray->tmax, index_of(-1), 0};
     if (f.has & HAS_STACKS)
         triangles_stacked(triangles, lanes, 0, &w);

@@ -116,6 +116,7 @@ typedef struct {
 typedef struct {
     TreeNode *nodes;          /* NULL: nothing in it; about the center of all */
     Num center[3], extent[3]; /* extent: half of the box of all */
+    float low[3], high[3];    /* that box as node 0 has it */
 } Tree;
 
 /* The rays of all lanes, as trees take them: [axis][lane]. Of a box's planes the ray meets the first at
@@ -162,10 +163,10 @@ INLINE void floats_of(float to[LANES], Real a)
    what else is rounded are factors of the distance, which MARGIN has room for. 1/d is bounded, so that along an axis
    across the ray the products are numbers, and o in between the planes is: on its way to t <= 4 reach a ray that this
    turns is 1e-17 reach aside. Where floats may have no such last place, nan lets every box be met. */
-STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *d)
+STAGE unsigned beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *d, Real tmax)
 {
     const Real from[3] = {o->x, o->y, o->z}, along[3] = {d->x, d->y, d->z};
-    Real reach = real(0), size = real(0), inverse[3], to_ray[3];
+    Real reach = real(0), size = real(0), near = real(0), far = tmax * real(MARGIN), inverse[3], to_ray[3];
     Index octant = index_of(0);
     UNROLLED for (int i = 0; i < 3; i++)
     {
@@ -179,7 +180,8 @@ STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *
     {
         inverse[i] = real(1) / along[i];
         Real aside = flip_sign(slack, inverse[i]), nearer = to_ray[i] + aside, farther = to_ray[i] - aside;
-        floats_of(beams->inverse[i], real_max(real_min(inverse[i], real(INVERSE_MOST)), real(-INVERSE_MOST)));
+        Real bounded = real_max(real_min(inverse[i], real(INVERSE_MOST)), real(-INVERSE_MOST));
+        floats_of(beams->inverse[i], bounded);
         floats_of(beams->near_o[i], nearer);
         floats_of(beams->far_o[i], farther);
         for (int lane = 0; lane < LANES; lane++) {
@@ -189,6 +191,9 @@ STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *
         }
         Mask backwards = inverse[i] < real(0);
         Index first = index_select(backwards, index_of(3 + i), index_of(i)), last = index_of(3 + 2 * i) - first;
+        Real low = real(tree->low[i]), high = real(tree->high[i]);
+        near = real_max((select(backwards, high, low) - nearer) * bounded, near);
+        far = real_min((select(backwards, low, high) - farther) * bounded * real(MARGIN), far);
         memcpy(beams->first[i], &first, sizeof first);
         memcpy(beams->last[i], &last, sizeof last);
         octant |= index_select(backwards, index_of(1 << i), index_of(0));
@@ -207,6 +212,10 @@ STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *
     memcpy(beams->axis, axis, sizeof axis);
     memcpy(beams->o, origin, sizeof origin);
     memcpy(beams->shear, shear, sizeof shear);
+#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
+    near = far;
+#endif
+    return mask_bits(near <= far);
 }
 
 /* a·b - c, in one rounding where that is one instruction: boxes are wide enough for either. */
@@ -230,7 +239,7 @@ INLINE void box_range(const TreeNode *node, const Beams *beams, int lane, float 
         *near = BOX_MAX(BOX_FMSUB(first, BOX_OF(beams->inverse[i][lane]), BOX_OF(beams->near[i][lane])), *near);
         *far = BOX_MIN(BOX_FMSUB(last, BOX_OF(beams->wider[i][lane]), BOX_OF(beams->far[i][lane])), *far);
     }
-#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
+#ifdef EVERY_BOX
     *far = *near = (BoxPiece){0};
 #endif
 }
