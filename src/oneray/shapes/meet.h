@@ -123,17 +123,16 @@ STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Featu
 }
 
 /* One shape, by its slot: the loops above for trees. Of rectangles along the axes each lane may look at its own. */
-INLINE Mask aligned_slots_meet(const Shapes *shapes, Index slot, const Ray *ray, Hit *at)
+INLINE AlignedView aligned_view_of_slot(const Shapes *shapes, int slot, const Ray *ray)
 {
-    AlignedView view = aligned_views(shapes, ray, slot);
-    at->slot = slot;
-    return and_not(aligned_meets(&view, real(1) / view.d[0], &at->t), ray->from == slot);
+    int axis = slot < shapes->along[1] ? 0 : slot < shapes->along[2] ? 1 : 2;
+    return aligned_view(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
 }
-INLINE Mask aligned_slots_block(const Shapes *shapes, Index slot, const Ray *ray, Index target)
+
+INLINE Mask aligned_view_meets(const AlignedView *view, Index slot, const Ray *ray, Hit *at)
 {
-    AlignedView view = aligned_views(shapes, ray, slot);
-    Crossing c = aligned_crossing(&view);
-    return flat_blocks(c, within_aligned(&view, c), ray, target, slot);
+    at->slot = slot;
+    return and_not(aligned_meets(view, real(1) / view->d[0], &at->t), ray->from == slot);
 }
 
 #define IF_SLOT(NAME) if ((f.has & HAS_##NAME) && slot < shapes->first[SHAPE_##NAME + 1])
@@ -142,6 +141,11 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, F
 {
     Mask within = mask_none(), itself = ray->from == index_of(slot);
     *at = (Hit){real(0), index_of(slot)};
+    IF_SLOT(ALIGNED)
+    {
+        AlignedView view = aligned_view_of_slot(shapes, slot, ray);
+        return aligned_view_meets(&view, index_of(slot), ray, at);
+    }
 #define X(NAME, name, words)                                                                                 \
     IF_SLOT(NAME)                                                                                            \
     {                                                                                                        \
@@ -205,7 +209,7 @@ STAGE int slot_meetings(const Shapes *shapes, int slot, const Ray *ray, Seat sta
     SOLID_SHAPES(X)
 #undef X
     if (slot < shapes->first[SHAPE_ALIGNED + 1]) {
-        AlignedView view = aligned_views(shapes, ray, index_of(slot));
+        AlignedView view = aligned_view_of_slot(shapes, slot, ray);
         c = aligned_crossing(&view);
         within = within_aligned(&view, c);
     }
@@ -292,7 +296,8 @@ INLINE Hit nearest_in_tree(
         Index own = index_of(0);
         Mask aligned = stacked || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
         if (any(aligned)) {
-            Mask met = aligned & aligned_slots_meet(shapes, own, ray, &at);
+            AlignedView view = aligned_views(shapes, ray, own);
+            Mask met = aligned & aligned_view_meets(&view, own, ray, &at);
             if (f.has & HAS_HIDDEN)
                 met = and_not(met, hiding & (gather_index(shapes->shines, own) != 0));
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
@@ -336,8 +341,11 @@ INLINE Mask blocked_in_tree(
         unsigned leaves = step(shapes->tree.nodes, &beams, &ray->tmax, 0, &ways);
         Index own = index_of(0);
         Mask aligned = ends || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
-        if (any(aligned))
-            blocked |= aligned & aligned_slots_block(shapes, own, ray, target);
+        if (any(aligned)) {
+            AlignedView view = aligned_views(shapes, ray, own);
+            Crossing c = aligned_crossing(&view);
+            blocked |= aligned & flat_blocks(c, within_aligned(&view, c), ray, target, own);
+        }
         for (unsigned left = leaves & ~mask_bits(aligned); left; left &= left - 1) {
             int lane = lowest_lane(left), slot = -2 - ways.at[lane];
             blocked |= lanes_mask(1u << lane)

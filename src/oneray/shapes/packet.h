@@ -308,7 +308,7 @@ INLINE unsigned packets(const Triangles *triangles, const Ray *ray, unsigned lan
 {
     unsigned others = lanes;
 #if PACKETS
-    for (unsigned left = lanes; left;) {
+    for (unsigned left = lanes; __builtin_popcount(left) >= PACKET_FORMS;) {
         Packet packet;
         unsigned alike = packet_from(&packet, &triangles->tree, w->beams, ray, left, lowest_lane(left));
         left &= ~(alike ? alike : left & -left);
