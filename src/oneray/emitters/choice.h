@@ -12,8 +12,13 @@
    that is less a share of the best that the node's ball and cone allow. It is 0 only where both facts are
    certain: below the receiver's horizon, or behind every normal. After Conty Estévez & Kulla, Importance
    Sampling of Many Lights with Adaptive Tree Splitting, HPG 2018, who take the best itself: near a node the
-   true contributions are far below it. `count` gets the number of those lights. */
-STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at, Real *count, Features f)
+   true contributions are far below it. */
+typedef struct {
+    Real importance, count; /* of how many lights */
+    Index child;
+} Below;
+
+STAGE Below look_below(const LightTree *tree, Index node, const Receiver *at, Features f)
 {
     const int from_afar = (f.has & (HAS_DIRECTIONAL | HAS_ANY(SKIES))) != 0;
     Real row[LIGHT_NODE_ROW];
@@ -30,11 +35,11 @@ STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at
     d_cos_i = select(at->both_sides, real_abs(d_cos_i), d_cos_i);
     Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
     d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
-    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + NODE(slack), real(0)));
+    Real slack = only(NODE(count) > real(1), radius); /* how much nearer the cosine at the light can come than the center's, m */
+    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + slack, real(0)));
     Real nearness = real(1) / real_max(dd + real(SPREAD) * radius * radius, real(NEAREST));
-    *count = NODE(count);
     Real near = NODE(power) * (d_cos_i * nearness) * (d_cos_o * nearness);
-    return from_afar ? NODE(far) + near : near;
+    return (Below){from_afar ? NODE(far) + near : near, NODE(count), (Index)real_bits(NODE(child))};
 #undef NODE
 }
 
@@ -59,23 +64,25 @@ INLINE Real learned_visibility(const LightTree *tree, Index region, Index node)
     return select(known, gather(tree->visible, row), real(1));
 }
 
-/* L6 Of two children the share of the first, by importance and by count, either way 0 for a child of importance 0. */
+/* L6 Of two children the share of the first, by importance and by count, either way 0 for a child of importance 0; and
+   what theirs are. */
 typedef struct {
     Real by_contribution, by_count;
+    Index child[2];
 } FirstShare;
 
 INLINE FirstShare share_of_first(const LightTree *tree, const Receiver *at, Index region, Index first, Features f)
 {
-    Real count_a, count_b;
-    Real a = node_importance(tree, first, at, &count_a, f), b = node_importance(tree, first + 1, at, &count_b, f);
+    Below a = look_below(tree, first, at, f), b = look_below(tree, first + 1, at, f);
     if ((f.use & USE_LEARNED) && tree->visible) {
-        a = a * learned_visibility(tree, region, first);
-        b = b * learned_visibility(tree, region, first + 1);
+        a.importance = a.importance * learned_visibility(tree, region, first);
+        b.importance = b.importance * learned_visibility(tree, region, first + 1);
     }
-    Mask none = a + b <= real(0); /* nothing to gain below: any choice is valid */
-    count_a = only((a > real(0)) | none, count_a);
-    count_b = only((b > real(0)) | none, count_b);
-    return (FirstShare){select(none, real(0.5), a / (a + b)), count_a / (count_a + count_b)};
+    Real sum = a.importance + b.importance;
+    Mask none = sum <= real(0); /* nothing to gain below: any choice is valid */
+    Real count_a = only((a.importance > real(0)) | none, a.count), count_b = only((b.importance > real(0)) | none, b.count);
+    return (FirstShare){
+        select(none, real(0.5), a.importance / sum), count_a / (count_a + count_b), {a.child, b.child}};
 }
 
 /* L6 Down the tree to one light, by the children's importance or, with p_by_count, by their counts:
@@ -85,7 +92,7 @@ STAGE Real walk_tree(const LightTree *tree, const Receiver *at, Real u, Real v, 
     Real p_by_count = real(tree->p_by_count), p_count = real(1), p_contribution = real(1);
     Mask by_count = u < p_by_count;
     u = select(by_count, u / p_by_count, (u - p_by_count) / (real(1) - p_by_count));
-    Index node = index_of(0), child = index_of(tree->child[0]), region = index_of(0);
+    Index child = index_of(child_of(tree, 0)), region = index_of(0);
     if (f.use & USE_LEARNED)
         region = region_of(tree, at->p);
     for (Mask inner = child >= 0; any(inner); inner = child >= 0) {
@@ -97,8 +104,7 @@ STAGE Real walk_tree(const LightTree *tree, const Receiver *at, Real u, Real v, 
         p_contribution = select(inner,
             p_contribution * select(second, real(1) - share.by_contribution, share.by_contribution), p_contribution);
         p_count = select(inner, p_count * select(second, real(1) - share.by_count, share.by_count), p_count);
-        node = index_select(inner, first + index_select(second, index_of(1), index_of(0)), node);
-        child = index_select(inner, gather_index(tree->child, node), child);
+        child = index_select(inner, index_select(second, share.child[1], share.child[0]), child);
         Real other = u;
         u = v;
         v = other;
@@ -115,14 +121,14 @@ STAGE Num inverse_choice_by_trail(const LightTree *tree, const Receiver *at, Int
     Index region = index_of(0);
     if (f.use & USE_LEARNED)
         region = region_of(tree, at->p);
-    for (Int child = tree->child[0]; child >= 0;) {
+    for (Int child = child_of(tree, 0); child >= 0;) {
         Index first = index_of(1);
         unsigned seconds = 0;
         int levels = 0;
         for (; levels < LANES && child >= 0; levels++, trail >>= 1) {
             LANE(first, levels) = child;
             seconds |= (unsigned)(trail & 1) << levels;
-            child = tree->child[child + (trail & 1)];
+            child = child_of(tree, child + (trail & 1));
         }
         FirstShare share = share_of_first(tree, at, region, first, f);
         Mask second = lanes_mask(seconds);

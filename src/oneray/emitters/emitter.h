@@ -23,9 +23,9 @@
 typedef struct {
     Num center[3], radius; /* a ball around the node's lights */
     Num axis[3], cos, sin; /* a cone around the normals of what shines */
-    Num slack;             /* how much nearer than the center's the cosine at the light can come, m */
     Num power;             /* Φ/π of lights at a place, W·sr⁻¹ */
     Num count;             /* lights below */
+    Num child;             /* the bits of an Int: its first child, or -1 - light */
     Num far;               /* irradiance of lights without a place, W·m⁻² */
     Num unused[3];         /* a row is read in fours */
 } LightNode;
@@ -34,7 +34,6 @@ enum { LEARNED_NODES = 127 }; /* those nodes, the uppermost, have a learned visi
 
 typedef struct {
     LightNode *nodes;
-    Int *child;        /* by node: its first child, or -1 - light */
     Int *trail;        /* by light: the way down to it, bit k set where level k goes to the second child */
     Num p_by_count; /* how often the choice goes by count instead of by contribution */
     Num *visible;      /* [region][LEARNED_NODES]: how often the way to the node's lights is free; NULL while
@@ -42,6 +41,13 @@ typedef struct {
     Num low[3], scale[3]; /* regions: cells of a grid, region i of axis a from low + i/scale */
     Int size[3];
 } LightTree;
+
+INLINE Int child_of(const LightTree *tree, Int node)
+{
+    Int child;
+    memcpy(&child, &tree->nodes[node].child, sizeof child);
+    return child;
+}
 
 /* A rectangle in units of its longer half side M. */
 typedef struct {
