@@ -35,7 +35,8 @@ STAGE Below look_below(const LightTree *tree, Index node, const Receiver *at, Fe
     d_cos_i = select(at->both_sides, real_abs(d_cos_i), d_cos_i);
     Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
     d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
-    Real slack = only(NODE(count) > real(1), radius); /* how much nearer the cosine at the light can come than the center's, m */
+    Real slack = only(NODE(count) > real(1),
+        radius); /* how much nearer the cosine at the light can come than the center's, m */
     d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + slack, real(0)));
     Real nearness = real(1) / real_max(dd + real(SPREAD) * radius * radius, real(NEAREST));
     Real near = NODE(power) * (d_cos_i * nearness) * (d_cos_o * nearness);
@@ -71,7 +72,8 @@ typedef struct {
     Index child[2];
 } FirstShare;
 
-INLINE FirstShare share_of_first(const LightTree *tree, const Receiver *at, Index region, Index first, Features f)
+INLINE FirstShare share_of_first(
+    const LightTree *tree, const Receiver *at, Index region, Index first, Features f)
 {
     Below a = look_below(tree, first, at, f), b = look_below(tree, first + 1, at, f);
     if ((f.use & USE_LEARNED) && tree->visible) {
@@ -80,9 +82,10 @@ INLINE FirstShare share_of_first(const LightTree *tree, const Receiver *at, Inde
     }
     Real sum = a.importance + b.importance;
     Mask none = sum <= real(0); /* nothing to gain below: any choice is valid */
-    Real count_a = only((a.importance > real(0)) | none, a.count), count_b = only((b.importance > real(0)) | none, b.count);
+    a.count = only((a.importance > real(0)) | none, a.count);
+    b.count = only((b.importance > real(0)) | none, b.count);
     return (FirstShare){
-        select(none, real(0.5), a.importance / sum), count_a / (count_a + count_b), {a.child, b.child}};
+        select(none, real(0.5), a.importance / sum), a.count / (a.count + b.count), {a.child, b.child}};
 }
 
 /* L6 Down the tree to one light, by the children's importance or, with p_by_count, by their counts:
@@ -102,7 +105,8 @@ STAGE Real walk_tree(const LightTree *tree, const Receiver *at, Real u, Real v, 
         Mask second = (u >= p) & (p < real(1));
         u = select(second, u - p, u) / select(second, real(1) - p, p);
         p_contribution = select(inner,
-            p_contribution * select(second, real(1) - share.by_contribution, share.by_contribution), p_contribution);
+            p_contribution * select(second, real(1) - share.by_contribution, share.by_contribution),
+            p_contribution);
         p_count = select(inner, p_count * select(second, real(1) - share.by_count, share.by_count), p_count);
         child = index_select(inner, index_select(second, share.child[1], share.child[0]), child);
         Real other = u;
@@ -172,7 +176,8 @@ STAGE Real inverse_choice_of(const Emitters *emitters, const Receiver *at, Mask 
     for (unsigned lanes = mask_bits(hit); lanes; lanes &= lanes - 1) {
         int lane = lowest_lane(lanes);
         Receiver one = receiver_of_lane(at, lane);
-        LANE(inverse, lane) = inverse_choice_by_trail(&emitters->tree, &one, emitters->tree.trail[LANE(i, lane)], f);
+        LANE(inverse, lane) =
+            inverse_choice_by_trail(&emitters->tree, &one, emitters->tree.trail[LANE(i, lane)], f);
     }
     return inverse;
 }

@@ -25,8 +25,8 @@ typedef struct {
     Num axis[3], cos, sin; /* a cone around the normals of what shines */
     Num power;             /* Φ/π of lights at a place, W·sr⁻¹ */
     Num count;             /* lights below */
-    Num child;             /* the bits of an Int: its first child, or -1 - light */
-    Num far;               /* irradiance of lights without a place, W·m⁻² */
+    Num child; /* the bits of an Int: its first child, or -1 - light */
+    Num far; /* irradiance of lights without a place, W·m⁻² */
     Num unused[3];         /* a row is read in fours */
 } LightNode;
 enum { LIGHT_NODE_ROW = sizeof(LightNode) / sizeof(Num) };

@@ -50,7 +50,8 @@ INLINE Light sky_met(const Path *path, const Scene *scene, Hit hit, Features f)
 #undef X
     if (f.use & USE_MIS) {
         Receiver at = last_receiver(path);
-        inverse_pdf_w = inverse_choice_of(emitters, &at, and_not(missed, path->delta), index_of(emitters->sky), f) / pdf_w;
+        inverse_pdf_w =
+            inverse_choice_of(emitters, &at, and_not(missed, path->delta), index_of(emitters->sky), f) / pdf_w;
     }
     return light_only(missed, light_scale(radiance, weight_of_hit(path, inverse_pdf_w, f)));
 }

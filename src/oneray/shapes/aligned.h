@@ -20,8 +20,8 @@ typedef struct {
 INLINE AlignedView aligned_view(const AlignedRow *a, const Ray *ray, int axis)
 {
     int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    return (AlignedView){real(a->plane), real(a->center_u), real(a->center_v), real(a->half_u), real(a->half_v),
-        {along(ray->o, axis), along(ray->o, u), along(ray->o, v)},
+    return (AlignedView){real(a->plane), real(a->center_u), real(a->center_v), real(a->half_u),
+        real(a->half_v), {along(ray->o, axis), along(ray->o, u), along(ray->o, v)},
         {along(ray->d, axis), along(ray->d, u), along(ray->d, v)}};
 }
 

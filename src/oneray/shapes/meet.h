@@ -30,7 +30,8 @@ INLINE void aligned_nearest(
     Real t, inverse = real(1) / along(ray->d, axis);
     for (int slot = shapes->along[axis]; slot < shapes->along[axis + 1]; slot++) {
         AlignedView view = aligned_view(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
-        Mask nearer = aligned_meets(&view, inverse, &t) & (t < nearest->num) & can_meet(shapes, slot, hiding, f);
+        Mask nearer =
+            aligned_meets(&view, inverse, &t) & (t < nearest->num) & can_meet(shapes, slot, hiding, f);
         nearer = and_not(nearer, ray->from == index_of(slot));
         nearest->num = select(nearer, t, nearest->num);
         nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
@@ -405,8 +406,8 @@ STAGE void triangles_hit(
     const Triangles *triangles = &shapes->triangles;
     Beams beams;
     unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, hit->t);
-    Wanted w = {&beams, &ray->d, ray->from, index_of(-1), shapes->shines, f.has & HAS_HIDDEN ? mask_bits(hiding) : 0,
-        &shapes->stacks, hit->t, hit->slot, 0};
+    Wanted w = {&beams, &ray->d, ray->from, index_of(-1), shapes->shines,
+        f.has & HAS_HIDDEN ? mask_bits(hiding) : 0, &shapes->stacks, hit->t, hit->slot, 0};
     if (f.has & HAS_STACKS)
         triangles_stacked(triangles, lanes, 1, &w);
     else

@@ -224,7 +224,8 @@ INLINE void triangles_walk(
             StackedRay ray, *stacked = in_stacks ? (ray = stacked_ray(w, lane), &ray) : NULL;
             Num at[8], t = LANE(w->t, lane);
             Int slot = LANE(w->slot, lane), from = LANE(w->from, lane);
-            for (unsigned met = leaf_meets(leaf, w->beams, lane, in_stacks ? -NUM_MAX : 0, at); met; met &= met - 1) {
+            for (unsigned met = leaf_meets(leaf, w->beams, lane, in_stacks ? -NUM_MAX : 0, at); met;
+                met &= met - 1) {
                 int k = lowest_lane(met), here = leaf->slot[k];
                 if (!nearest && triangle_between(stacked, from, LANE(w->target, lane), here, at[k], t))
                     w->blocked |= 1u << lane;

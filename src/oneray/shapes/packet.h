@@ -1,6 +1,6 @@
 /* Packets: rays of several lanes that go much the same way through the tree of triangles together. Eight boxes at once are
    tested against what any of the rays may be, then each that is left against all rays; a triangle against all rays. Where
-   few rays are left, each goes on by itself. What is met is the same, by the same numbers. */
+   few rays are left, each goes on by itself, in turn. What is met is the same, by the same numbers. */
 #pragma once
 
 #include "shapes/shape.h"

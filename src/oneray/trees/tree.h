@@ -1,4 +1,4 @@
-/* Trees of boxes in a kernel: one ray goes through, against eight boxes at once.
+/* Trees of boxes in a kernel: a ray looks at eight boxes at once, and the rays of all lanes take a step each in turn.
 
    A tree only leaves out what the ray certainly does not meet, and of equally near hits the lower slot is
    taken, so that what is met depends on neither the tree nor the order. */
@@ -116,7 +116,7 @@ typedef struct {
 typedef struct {
     TreeNode *nodes;          /* NULL: nothing in it; about the center of all */
     Num center[3], extent[3]; /* extent: half of the box of all */
-    float low[3], high[3];    /* that box as node 0 has it */
+    float low[3], high[3]; /* that box as node 0 has it */
 } Tree;
 
 /* The rays of all lanes, as trees take them: [axis][lane]. Of a box's planes the ray meets the first at
@@ -126,9 +126,9 @@ typedef struct {
     float inverse[3][LANES], near[3][LANES]; /* 1/d, and near_o/d */
     float wider[3][LANES], far[3][LANES];
     Int first[3][LANES], last[3][LANES]; /* which planes of a node those are */
-    Int octant[LANES];                   /* a bit an axis: 1/d is negative */
-    Int axis[3][LANES];                  /* for triangles: x, y and z, the one that d is longest along */
-    Num o[3][LANES], shear[3][LANES];    /* in those o, and d.x/d.z, d.y/d.z, 1/d.z */
+    Int octant[LANES]; /* a bit an axis: 1/d is negative */
+    Int axis[3][LANES]; /* for triangles: x, y and z, the one that d is longest along */
+    Num o[3][LANES], shear[3][LANES]; /* in those o, and d.x/d.z, d.y/d.z, 1/d.z */
 } Beams;
 
 #define ROUNDING 1.2e-7F
@@ -162,7 +162,10 @@ INLINE void floats_of(float to[LANES], Real a)
    rounded, or one of them: as if the plane or o were at most half a unit in the last place of `reach` elsewhere, twice;
    what else is rounded are factors of the distance, which MARGIN has room for. 1/d is bounded, so that along an axis
    across the ray the products are numbers, and o in between the planes is: on its way to t <= 4 reach a ray that this
-   turns is 1e-17 reach aside. Where floats may have no such last place, nan lets every box be met. */
+   turns is 1e-17 reach aside. Where floats may have no such last place, nan lets every box be met.
+
+   Gives the lanes that may meet the box of all before tmax: as for any box, but with (plane - o)·(1/d), whose difference
+   is rounded by half a unit in the last place of `reach` at most. */
 STAGE unsigned beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *d, Real tmax)
 {
     const Real from[3] = {o->x, o->y, o->z}, along[3] = {d->x, d->y, d->z};
@@ -190,7 +193,8 @@ STAGE unsigned beams_start(Beams *beams, const Tree *tree, const Vec *o, const V
             beams->far[i][lane] = beams->far_o[i][lane] * beams->wider[i][lane];
         }
         Mask backwards = inverse[i] < real(0);
-        Index first = index_select(backwards, index_of(3 + i), index_of(i)), last = index_of(3 + 2 * i) - first;
+        Index first = index_select(backwards, index_of(3 + i), index_of(i)),
+              last = index_of(3 + 2 * i) - first;
         Real low = real(tree->low[i]), high = real(tree->high[i]);
         near = real_max((select(backwards, high, low) - nearer) * bounded, near);
         far = real_min((select(backwards, low, high) - farther) * bounded * real(MARGIN), far);
@@ -227,7 +231,8 @@ STAGE unsigned beams_start(Beams *beams, const Tree *tree, const Vec *o, const V
 
 /* Where a lane's ray comes into the node's boxes from number `part` on and leaves them, between 0 and `limit`: it meets
    those where near <= far. Numbers that are nan count for nothing. */
-INLINE void box_range(const TreeNode *node, const Beams *beams, int lane, float limit, int part, BoxPiece *near, BoxPiece *far)
+INLINE void box_range(
+    const TreeNode *node, const Beams *beams, int lane, float limit, int part, BoxPiece *near, BoxPiece *far)
 {
     *near = (BoxPiece){0};
     *far = BOX_OF(limit);
@@ -236,7 +241,8 @@ INLINE void box_range(const TreeNode *node, const Beams *beams, int lane, float 
         BoxPiece first, last;
         memcpy(&first, node->plane[beams->first[i][lane]] + part, sizeof first);
         memcpy(&last, node->plane[beams->last[i][lane]] + part, sizeof last);
-        *near = BOX_MAX(BOX_FMSUB(first, BOX_OF(beams->inverse[i][lane]), BOX_OF(beams->near[i][lane])), *near);
+        *near =
+            BOX_MAX(BOX_FMSUB(first, BOX_OF(beams->inverse[i][lane]), BOX_OF(beams->near[i][lane])), *near);
         *far = BOX_MIN(BOX_FMSUB(last, BOX_OF(beams->wider[i][lane]), BOX_OF(beams->far[i][lane])), *far);
     }
 #ifdef EVERY_BOX
@@ -278,7 +284,8 @@ INLINE void put_children(
     if (ordered) {
         const __m256i ahead = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
         int turned = turned_order(beams->octant[lane]);
-        __m256i order = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)node->order[(int)beams->octant[lane] ^ turned]));
+        __m256i order = _mm256_cvtepu8_epi32(
+            _mm_loadl_epi64((const __m128i *)node->order[(int)beams->octant[lane] ^ turned]));
         order = _mm256_permutevar8x32_epi32(order, _mm256_xor_si256(ahead, _mm256_set1_epi32(turned)));
         child = _mm256_permutevar8x32_epi32(child, order);
         near = (BoxPiece)_mm256_permutevar8x32_ps(near, order);
@@ -331,7 +338,7 @@ INLINE void put_children(
    memory for, or for its own numbers, the others go on. */
 typedef struct {
     unsigned inner, leaves; /* the lanes at nodes, and at leaves */
-    int32_t at[LANES];      /* which, as nodes have it */
+    int32_t at[LANES]; /* which, as nodes have it */
     Pending pending[LANES];
 } Ways;
 
@@ -376,7 +383,8 @@ INLINE unsigned step(const TreeNode *nodes, const Beams *beams, const Real *t, i
     ways->inner = ways->leaves = 0;
     for (; inner; inner &= inner - 1) {
         int lane = lowest_lane(inner);
-        put_children(&nodes[ways->at[lane]], beams, lane, (float)LANE(*t, lane) * MARGIN, ordered, &ways->pending[lane]);
+        put_children(&nodes[ways->at[lane]], beams, lane, (float)LANE(*t, lane) * MARGIN, ordered,
+            &ways->pending[lane]);
         go_on(ways, lane, LANE(*t, lane), ordered);
     }
     return leaves;
