@@ -18,7 +18,7 @@ typedef struct {
     Index child;
 } Below;
 
-STAGE Below look_below(const LightTree *tree, Index node, const Receiver *at, Features f)
+STAGE Below node_importance(const LightTree *tree, Index node, const Receiver *at, Features f)
 {
     const int from_afar = (f.has & (HAS_DIRECTIONAL | HAS_ANY(SKIES))) != 0;
     Real row[LIGHT_NODE_ROW];
@@ -75,7 +75,7 @@ typedef struct {
 INLINE FirstShare share_of_first(
     const LightTree *tree, const Receiver *at, Index region, Index first, Features f)
 {
-    Below a = look_below(tree, first, at, f), b = look_below(tree, first + 1, at, f);
+    Below a = node_importance(tree, first, at, f), b = node_importance(tree, first + 1, at, f);
     if ((f.use & USE_LEARNED) && tree->visible) {
         a.importance = a.importance * learned_visibility(tree, region, first);
         b.importance = b.importance * learned_visibility(tree, region, first + 1);
