@@ -398,7 +398,7 @@ OVER_COLUMNS(choose)
 OVER_COLUMNS(choice_of)
 {
     Receiver at = get_receiver(b);
-    put(b, 0, inverse_choice_of(&scene->emitters, &at, get_index(b, 7), scene->features));
+    put(b, 0, inverse_choice_of(&scene->emitters, &at, mask_all(), get_index(b, 7), scene->features));
 }
 
 /* ---- L17: the number of a path to its first ray and flux (o, d, from, flux). */

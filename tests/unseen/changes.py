@@ -230,7 +230,7 @@ MIS = of("estimators/mis.h", [
      "weighed NEE without the bounces' share", "reflected too dark"),
     ("mis-hits-half", MIS_HIT, "select(path->delta, real(1), real(0.5))", "area-light mis-power",
      "a half for what bounces meet", "weights do not sum to 1"),
-    ("mis-no-choice", "\n           * inverse_choice_of(&scene->emitters, &at, i, f);", ";", "many-lights mis-power",
+    ("mis-no-choice", "\n           * inverse_choice_of(&scene->emitters, &at, and_not(hit, path->delta), i, f);", ";", "many-lights mis-power",
      "p_i left out at the bounce", "weights do not sum to 1"),
 ])  # fmt: skip
 

@@ -12,11 +12,18 @@
    that is less a share of the best that the node's ball and cone allow. It is 0 only where both facts are
    certain: below the receiver's horizon, or behind every normal. After Conty Estévez & Kulla, Importance
    Sampling of Many Lights with Adaptive Tree Splitting, HPG 2018, who take the best itself: near a node the
-   true contributions are far below it. `count` gets the number of those lights. */
-STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at, Real *count)
+   true contributions are far below it. */
+typedef struct {
+    Real importance, count; /* of how many lights */
+    Index child;
+} Below;
+
+STAGE Below node_importance(const LightTree *tree, Index node, const Receiver *at, Features f)
 {
-    Real row[16];
-    gather_row(tree->nodes, node, 16, row);
+    const int from_afar = (f.has & (HAS_DIRECTIONAL | HAS_ANY(SKIES))) != 0;
+    Real row[LIGHT_NODE_ROW];
+    for (int k = 0; k < LIGHT_NODE_ROW - (from_afar ? 0 : 4); k += 4)
+        gather_four(tree->nodes->center + k, node * LIGHT_NODE_ROW, row + k);
 #define NODE(number) row[IN_ROW(LightNode, number)]
     Vec to_center = vec_sub(vec(NODE(center[0]), NODE(center[1]), NODE(center[2])), at->p);
     Vec axis = vec(NODE(axis[0]), NODE(axis[1]), NODE(axis[2]));
@@ -28,10 +35,12 @@ STAGE Real node_importance(const LightTree *tree, Index node, const Receiver *at
     d_cos_i = select(at->both_sides, real_abs(d_cos_i), d_cos_i);
     Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
     d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
-    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + NODE(slack), real(0)));
+    Real slack = only(NODE(count) > real(1),
+        radius); /* how much nearer the cosine at the light can come than the center's, m */
+    d_cos_o = real_max(d_cos_o, real(DOUBTFUL) * real_max(d_cos_o + slack, real(0)));
     Real nearness = real(1) / real_max(dd + real(SPREAD) * radius * radius, real(NEAREST));
-    *count = NODE(count);
-    return NODE(far) + NODE(power) * (d_cos_i * nearness) * (d_cos_o * nearness);
+    Real near = NODE(power) * (d_cos_i * nearness) * (d_cos_o * nearness);
+    return (Below){from_afar ? NODE(far) + near : near, NODE(count), (Index)real_bits(NODE(child))};
 #undef NODE
 }
 
@@ -56,45 +65,85 @@ INLINE Real learned_visibility(const LightTree *tree, Index region, Index node)
     return select(known, gather(tree->visible, row), real(1));
 }
 
-/* L6 Down the tree to one light, by the children's importance or, with p_by_count, by their counts, either
-   way never into a child of importance 0: p_i = (1 - p_by_count) p_contribution + p_by_count p_count. `trail`, where a
-   lane follows it, says which light to go to: what is wanted is then its probability. Returns 1/p_i. */
-STAGE Real walk_tree(
-    const LightTree *tree, const Receiver *at, Mask follow, Index trail, Real u, Real v, Index *light, Features f)
+/* L6 Of two children the share of the first, by importance and by count, either way 0 for a child of importance 0; and
+   what theirs are. */
+typedef struct {
+    Real by_contribution, by_count;
+    Index child[2];
+} FirstShare;
+
+INLINE FirstShare share_of_first(
+    const LightTree *tree, const Receiver *at, Index region, Index first, Features f)
+{
+    Below a = node_importance(tree, first, at, f), b = node_importance(tree, first + 1, at, f);
+    if ((f.use & USE_LEARNED) && tree->visible) {
+        a.importance = a.importance * learned_visibility(tree, region, first);
+        b.importance = b.importance * learned_visibility(tree, region, first + 1);
+    }
+    Real sum = a.importance + b.importance;
+    Mask none = sum <= real(0); /* nothing to gain below: any choice is valid */
+    a.count = only((a.importance > real(0)) | none, a.count);
+    b.count = only((b.importance > real(0)) | none, b.count);
+    return (FirstShare){
+        select(none, real(0.5), a.importance / sum), a.count / (a.count + b.count), {a.child, b.child}};
+}
+
+/* L6 Down the tree to one light, by the children's importance or, with p_by_count, by their counts:
+   p_i = (1 - p_by_count) p_contribution + p_by_count p_count. Gives 1/p_i. */
+STAGE Real walk_tree(const LightTree *tree, const Receiver *at, Real u, Real v, Index *light, Features f)
 {
     Real p_by_count = real(tree->p_by_count), p_count = real(1), p_contribution = real(1);
     Mask by_count = u < p_by_count;
     u = select(by_count, u / p_by_count, (u - p_by_count) / (real(1) - p_by_count));
-    Index node = index_of(0), child = index_of(tree->child[0]), region = index_of(0);
+    Index child = index_of(child_of(tree, 0)), region = index_of(0);
     if (f.use & USE_LEARNED)
         region = region_of(tree, at->p);
     for (Mask inner = child >= 0; any(inner); inner = child >= 0) {
         Index first = index_select(inner, child, index_of(1));
-        Real count_a, count_b;
-        Real a = node_importance(tree, first, at, &count_a), b = node_importance(tree, first + 1, at, &count_b);
-        if ((f.use & USE_LEARNED) && tree->visible) {
-            a = a * learned_visibility(tree, region, first);
-            b = b * learned_visibility(tree, region, first + 1);
-        }
-        Mask none = a + b <= real(0); /* nothing to gain below: any choice is valid */
-        count_a = only((a > real(0)) | none, count_a);
-        count_b = only((b > real(0)) | none, count_b);
-        Real by_contribution = select(none, real(0.5), a / (a + b)), counted = count_a / (count_a + count_b);
-        Real p = select(by_count, counted, by_contribution);
-        Mask second = index_select(follow, (trail & 1) != 0, (u >= p) & (p < real(1)));
-        u = select(second, (u - p) / (real(1) - p), u / p);
-        p_contribution = select(inner, p_contribution * select(second, real(1) - by_contribution, by_contribution),
+        FirstShare share = share_of_first(tree, at, region, first, f);
+        Real p = select(by_count, share.by_count, share.by_contribution);
+        Mask second = (u >= p) & (p < real(1));
+        u = select(second, u - p, u) / select(second, real(1) - p, p);
+        p_contribution = select(inner,
+            p_contribution * select(second, real(1) - share.by_contribution, share.by_contribution),
             p_contribution);
-        p_count = select(inner, p_count * select(second, real(1) - counted, counted), p_count);
-        node = index_select(inner, first + index_select(second, index_of(1), index_of(0)), node);
-        child = index_select(inner, gather_index(tree->child, node), child);
-        trail = trail >> 1;
+        p_count = select(inner, p_count * select(second, real(1) - share.by_count, share.by_count), p_count);
+        child = index_select(inner, index_select(second, share.child[1], share.child[0]), child);
         Real other = u;
         u = v;
         v = other;
     }
     *light = -1 - child;
     return real(1) / ((real(1) - p_by_count) * p_contribution + p_by_count * p_count);
+}
+
+/* The same 1/p_i of a light that was not chosen: the way down to it is known, so that W levels of it are looked at at
+   once. */
+STAGE Num inverse_choice_by_trail(const LightTree *tree, const Receiver *at, Int trail, Features f)
+{
+    Num p_count = 1, p_contribution = 1;
+    Index region = index_of(0);
+    if (f.use & USE_LEARNED)
+        region = region_of(tree, at->p);
+    for (Int child = child_of(tree, 0); child >= 0;) {
+        Index first = index_of(1);
+        unsigned seconds = 0;
+        int levels = 0;
+        for (; levels < LANES && child >= 0; levels++, trail >>= 1) {
+            LANE(first, levels) = child;
+            seconds |= (unsigned)(trail & 1) << levels;
+            child = child_of(tree, child + (trail & 1));
+        }
+        FirstShare share = share_of_first(tree, at, region, first, f);
+        Mask second = lanes_mask(seconds);
+        Real contribution = select(second, real(1) - share.by_contribution, share.by_contribution);
+        Real count = select(second, real(1) - share.by_count, share.by_count);
+        for (int k = 0; k < levels; k++) {
+            p_contribution = p_contribution * LANE(contribution, k);
+            p_count = p_count * LANE(count, k);
+        }
+    }
+    return 1 / ((1 - tree->p_by_count) * p_contribution + tree->p_by_count * p_count);
 }
 
 /* L4 The choice: uniform and by power from an alias table (Vose 1991), whatever N is; by contribution from the
@@ -107,7 +156,7 @@ INLINE Index choose_light(
         return index_of(0);
     if (f.use & USE_CONTRIBUTION) {
         Index light;
-        *inverse_choice = walk_tree(&emitters->tree, at, mask_none(), index_of(0), u, v, &light, f);
+        *inverse_choice = walk_tree(&emitters->tree, at, u, v, &light, f);
         return light;
     }
     Index i = real_floor(u * real(emitters->count));
@@ -116,16 +165,21 @@ INLINE Index choose_light(
     return i;
 }
 
-/* 1/p_i of a light that was hit: what choose_light would have said. */
-STAGE Real inverse_choice_of(const Emitters *emitters, const Receiver *at, Index i, Features f)
+/* 1/p_i of the lights that the rays of these lanes hit: what choose_light would have said. */
+STAGE Real inverse_choice_of(const Emitters *emitters, const Receiver *at, Mask hit, Index i, Features f)
 {
     if (!(f.has & HAS_MANY_LIGHTS))
         return real(1);
     if (!(f.use & USE_CONTRIBUTION))
         return gather(emitters->inverse_choice, i);
-    Index light;
-    return walk_tree(&emitters->tree, at, mask_all(), gather_index(emitters->tree.trail, i), real(0.5), real(0.5),
-        &light, f);
+    Real inverse = real(1);
+    for (unsigned lanes = mask_bits(hit); lanes; lanes &= lanes - 1) {
+        int lane = lowest_lane(lanes);
+        Receiver one = receiver_of_lane(at, lane);
+        LANE(inverse, lane) =
+            inverse_choice_by_trail(&emitters->tree, &one, emitters->tree.trail[LANE(i, lane)], f);
+    }
+    return inverse;
 }
 
 /* One ray to one light. */

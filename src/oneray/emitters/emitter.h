@@ -24,17 +24,17 @@
 typedef struct {
     Num center[3], radius; /* a ball around the node's lights */
     Num axis[3], cos, sin; /* a cone around the normals of what shines */
-    Num slack;             /* how much nearer than the center's the cosine at the light can come, m */
     Num power;             /* Φ/π of lights at a place, W·sr⁻¹ */
-    Num far;               /* irradiance of lights without a place, W·m⁻² */
     Num count;             /* lights below */
+    Num child; /* the bits of an Int: its first child, or -1 - light */
+    Num far; /* irradiance of lights without a place, W·m⁻² */
     Num unused[3];         /* a row is read in fours */
 } LightNode;
+enum { LIGHT_NODE_ROW = sizeof(LightNode) / sizeof(Num) };
 enum { LEARNED_NODES = 127 }; /* those nodes, the uppermost, have a learned visibility */
 
 typedef struct {
     LightNode *nodes;
-    Int *child;        /* by node: its first child, or -1 - light */
     Int *trail;        /* by light: the way down to it, bit k set where level k goes to the second child */
     Num p_by_count; /* how often the choice goes by count instead of by contribution */
     Num *visible;      /* [region][LEARNED_NODES]: how often the way to the node's lights is free; NULL while
@@ -42,6 +42,13 @@ typedef struct {
     Num low[3], scale[3]; /* regions: cells of a grid, region i of axis a from low + i/scale */
     Int size[3];
 } LightTree;
+
+INLINE Int child_of(const LightTree *tree, Int node)
+{
+    Int child;
+    memcpy(&child, &tree->nodes[node].child, sizeof child);
+    return child;
+}
 
 /* A rectangle in units of its longer half side M. */
 typedef struct {
@@ -96,6 +103,15 @@ typedef struct {
     Index slot;
     Mask both_sides; /* both matter */
 } Receiver;
+
+/* One lane's, in all lanes. */
+INLINE Receiver receiver_of_lane(const Receiver *at, int lane)
+{
+    (void)lane;
+    return (Receiver){vec(real(LANE(at->p.x, lane)), real(LANE(at->p.y, lane)), real(LANE(at->p.z, lane))),
+        vec(real(LANE(at->n.x, lane)), real(LANE(at->n.y, lane)), real(LANE(at->n.z, lane))),
+        index_of(LANE(at->slot, lane)), index_of(LANE(at->both_sides, lane))};
+}
 
 typedef struct {
     Vec wi; /* unit vector to the light */

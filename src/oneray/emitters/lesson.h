@@ -26,9 +26,9 @@ static void learn_ray(Lesson *lesson, const LightTree *tree, const Num p[3], siz
     while (node < LEARNED_NODES) {
         lesson->tested[region * LEARNED_NODES + (size_t)node]++;
         lesson->seen[region * LEARNED_NODES + (size_t)node] += (uint32_t)seen;
-        if (tree->child[node] < 0)
+        if (child_of(tree, node) < 0)
             break;
-        node = tree->child[node] + (trail & 1);
+        node = child_of(tree, node) + (trail & 1);
         trail >>= 1;
     }
 }

@@ -311,8 +311,9 @@ STAGE void light_subpath_step(Pair *pair, int n, const size_t items[], Splats *s
         Real inverse_pdf_w = inverse_pdf_w_hit(&scene->emitters, i, &at, hit.t, leaving, f);
         if (f.has & (HAS_FLAT_LIGHT | HAS_MESH_LIGHT))
             inverse_pdf_w = only(mask_not(is_itself(&scene->emitters, i, &at, f)), inverse_pdf_w);
-        pair->nee_over_start = nee_over_start(
-            &scene->emitters, i, inverse_choice_of(&scene->emitters, &at, i, f), inverse_pdf_w, hit.t * hit.t, leaving, f);
+        Real inverse_choice = inverse_choice_of(&scene->emitters, &at, path->alive, i, f);
+        pair->nee_over_start =
+            nee_over_start(&scene->emitters, i, inverse_choice, inverse_pdf_w, hit.t * hit.t, leaving, f);
     }
     if (f.has & HAS_SMOOTH)
         path->flux = light_scale(path->flux, select(s.cos_face > real(0), s.cos_o / s.cos_face, real(0)));
@@ -349,8 +350,8 @@ INLINE Light weigh_met(Pair *pair, int t, Index i, const EmitPdf *start, Real in
     joined.z_before = start->p_1 * from / eye->p_own;
     joined.nee_over_start = real(1);
     if (t > 2)
-        joined.nee_over_start =
-            nee_over_start(emitters, i, inverse_choice_of(emitters, &at, i, f), inverse_pdf_w, dd, start->cosine, f);
+        joined.nee_over_start = nee_over_start(
+            emitters, i, inverse_choice_of(emitters, &at, eye->path.alive, i, f), inverse_pdf_w, dd, start->cosine, f);
     else
         joined.z = select(start->far, real(0), joined.z); /* no (1, 1) */
     return light_scale(light, share_of(pair, 0, t, &joined, f));

@@ -32,15 +32,15 @@ INLINE Receiver last_receiver(const Path *path)
     return (Receiver){path->ray.o, path->n, path->ray.from, path->both_sides};
 }
 
-/* 1/(p_i pdf_w) of the ray that hit light i, had it been sampled by way of the light. */
+/* 1/(p_i pdf_w) of the rays that hit light i, those of the lanes `hit`, had it been sampled by way of the light. */
 INLINE Real inverse_pdf_w_light(
-    const Path *path, const Scene *scene, Index i, Real distance, Real cosine, Features f)
+    const Path *path, const Scene *scene, Mask hit, Index i, Real distance, Real cosine, Features f)
 {
     if (!(f.use & USE_MIS))
         return real(0);
     Receiver at = last_receiver(path);
     return inverse_pdf_w_hit(&scene->emitters, i, &at, distance, cosine, f)
-           * inverse_choice_of(&scene->emitters, &at, i, f);
+           * inverse_choice_of(&scene->emitters, &at, and_not(hit, path->delta), i, f);
 }
 
 /* L13 The density of the walk's going on in a direction that the material evaluates so. That it survives may count

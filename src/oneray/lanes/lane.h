@@ -197,6 +197,14 @@ INLINE unsigned mask_bits(Mask m)
     return bits;
 #endif
 }
+/* The other way round. */
+INLINE Mask lanes_mask(unsigned bits)
+{
+    Index own = {0};
+    for (int lane = 0; lane < LANES; lane++)
+        LANE(own, lane) = (Int)1 << lane;
+    return (index_of(bits) & own) != 0;
+}
 INLINE int any(Mask m) { return mask_bits(m) != 0; }
 
 /* The lowest lane of bits that are not all 0. */

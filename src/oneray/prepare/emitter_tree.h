@@ -118,7 +118,6 @@ static void set_node(LightNode *node, const Leaf *leaves, int count, double exte
     node->radius = (Num)radius;
     node->cos = (Num)cr_cos(spread);
     node->sin = (Num)cr_sin(spread);
-    node->slack = count > 1 ? (Num)radius : 0;
     node->power = (Num)power;
     node->far = (Num)far;
     node->count = (Num)count;
@@ -130,6 +129,8 @@ static int by_key(const void *a, const void *b)
     int order = (p->key > q->key) - (p->key < q->key);
     return order ? order : (p->emitter > q->emitter) - (p->emitter < q->emitter);
 }
+
+static void set_child(LightNode *node, Int child) { memcpy(&node->child, &child, sizeof child); }
 
 /* A node that is still to be divided: its leaves, how deep it is, and the way down to it. */
 typedef struct {
@@ -145,8 +146,7 @@ static void prepare_tree(Scene *scene, Leaf *leaves)
     LightTree *tree = &emitters->tree;
     size_t n = (size_t)emitters->count;
     Branch *branches = allocate(2 * n, sizeof *branches);
-    tree->nodes = keep(scene, 2 * n, sizeof *tree->nodes);
-    tree->child = keep(scene, 2 * n, sizeof *tree->child);
+    tree->nodes = keep_lines(scene, 2 * n, sizeof *tree->nodes);
     tree->trail = keep(scene, n, sizeof *tree->trail);
     tree->p_by_count = (Num)0.5;
     branches[0] = (Branch){0, emitters->count, 0, 0};
@@ -155,7 +155,7 @@ static void prepare_tree(Scene *scene, Leaf *leaves)
         double extent[3];
         set_node(&tree->nodes[node], leaves + b.first, b.count, extent);
         if (b.count == 1) {
-            tree->child[node] = -1 - leaves[b.first].emitter;
+            set_child(&tree->nodes[node], -1 - leaves[b.first].emitter);
             tree->trail[leaves[b.first].emitter] = b.trail;
             continue;
         }
@@ -164,7 +164,7 @@ static void prepare_tree(Scene *scene, Leaf *leaves)
         for (int i = 0; i < b.count; i++)
             leaves[b.first + i].key = leaves[b.first + i].center[axis];
         qsort(leaves + b.first, (size_t)b.count, sizeof *leaves, by_key);
-        tree->child[node] = used;
+        set_child(&tree->nodes[node], used);
         branches[used++] = (Branch){b.first, half, b.level + 1, b.trail};
         branches[used++] = (Branch){b.first + half, b.count - half, b.level + 1, b.trail | (Int)1 << b.level};
     }

@@ -30,7 +30,7 @@ static AlignedRow aligned_row_of(const Shape *shape, int axis)
     int u = (axis + 1) % 3, v = (axis + 2) % 3;
     const double(*m)[4] = shape->as.placed.to_world.m;
     return (AlignedRow){(Num)m[axis][3], (Num)m[u][3], (Num)m[v][3], (Num)(fabs(m[u][0]) + fabs(m[u][1])),
-        (Num)(fabs(m[v][0]) + fabs(m[v][1]))};
+        (Num)(fabs(m[v][0]) + fabs(m[v][1])), {0}};
 }
 
 static int slots_of(ShapeKind kind) { return slots_of_planes(shape_planes(kind)); }

@@ -79,6 +79,13 @@ static void prepare_nodes(Scene *scene, Tree *tree, const Bvh *bvh, const Bounds
         }
         order_children(node);
     }
+    for (int i = 0; i < 3; i++) {
+        tree->low[i] = FLT_MAX, tree->high[i] = -FLT_MAX;
+        for (int k = 0; k < BVH_WIDTH; k++) {
+            tree->low[i] = fminf(tree->low[i], tree->nodes[0].plane[i][k]);
+            tree->high[i] = fmaxf(tree->high[i], tree->nodes[0].plane[3 + i][k]);
+        }
+    }
 }
 
 /* Vectors in the kernel's numbers: the description's own if these are doubles. */
@@ -196,13 +203,14 @@ static void prepare_shape_tree(Scene *scene, const Description *d, const int *fi
         if (d->shapes[i].kind != SHAPE_MESH)
             set_item(&items[count++], &bounds[i], &all, i);
     Bvh bvh = bvh_build(items, count, 1);
-    s->slot_of_leaf = keep(scene, (size_t)bvh.leaf_count, sizeof *s->slot_of_leaf);
-    for (int n = 0; n < bvh.leaf_count; n++) {
-        int shape = items[bvh.leaves[n][0]].id;
-        s->slot_of_leaf[n] = first_slot[shape];
-        of_leaf[n] = bounds[shape];
-    }
+    for (int n = 0; n < bvh.leaf_count; n++)
+        of_leaf[n] = bounds[items[bvh.leaves[n][0]].id];
     prepare_nodes(scene, &s->tree, &bvh, of_leaf, &all);
+    for (int n = 0; n < bvh.node_count; n++)
+        for (int k = 0; k < BVH_WIDTH; k++) {
+            int32_t *child = &s->tree.nodes[n].where.child[k];
+            *child = *child < -1 ? -2 - first_slot[items[bvh.leaves[-2 - *child][0]].id] : *child;
+        }
     free(items);
     free(bounds);
     free(of_leaf);

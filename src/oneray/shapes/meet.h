@@ -29,8 +29,9 @@ INLINE void aligned_nearest(
 {
     Real t, inverse = real(1) / along(ray->d, axis);
     for (int slot = shapes->along[axis]; slot < shapes->along[axis + 1]; slot++) {
-        Mask nearer = aligned_meets(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis, inverse, &t) & (t < nearest->num)
-                      & can_meet(shapes, slot, hiding, f);
+        AlignedView view = aligned_view(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
+        Mask nearer =
+            aligned_meets(&view, inverse, &t) & (t < nearest->num) & can_meet(shapes, slot, hiding, f);
         nearer = and_not(nearer, ray->from == index_of(slot));
         nearest->num = select(nearer, t, nearest->num);
         nearest->slot = index_select(nearer, index_of(slot), nearest->slot);
@@ -79,18 +80,19 @@ INLINE void solid_hit(const Shapes *shapes, const Ray *ray, Mask hiding, Hit *hi
 }
 
 /* Is a flat shape in the way, one that is neither where the ray starts nor where it ends? */
-INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, int slot)
+INLINE Mask flat_blocks(Crossing c, Mask within, const Ray *ray, Index target, Index slot)
 {
     Mask before = within & (c.num > real(0)) & (c.num < ray->tmax * c.den);
-    return and_not(before, (ray->from == index_of(slot)) | (target == index_of(slot)));
+    return and_not(before, (ray->from == slot) | (target == slot));
 }
 
 INLINE Mask aligned_blocks(const Shapes *shapes, const Ray *ray, Index target, int axis)
 {
     Mask blocked = mask_none();
     for (int slot = shapes->along[axis]; slot < shapes->along_blocking[axis]; slot++) {
-        Crossing c = aligned_crossing(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
-        blocked |= flat_blocks(c, within_aligned(&ROWS(shapes, ALIGNED, Aligned)[slot], c), ray, target, slot);
+        AlignedView view = aligned_view(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
+        Crossing c = aligned_crossing(&view);
+        blocked |= flat_blocks(c, within_aligned(&view, c), ray, target, index_of(slot));
     }
     return blocked;
 }
@@ -107,7 +109,7 @@ STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Featu
         for (int i = 0, slot = shapes->first[SHAPE_##NAME]; i < shapes->blocking[SHAPE_##NAME]; i++, slot++) { \
             Mask within;                                                                                     \
             Crossing c = name##_cross(shapes, i, ray, &within);                                              \
-            blocked |= flat_blocks(c, within, ray, target, slot);                                            \
+            blocked |= flat_blocks(c, within, ray, target, index_of(slot));                                            \
         }
     FLAT_SHAPES(X)
 #undef X
@@ -121,12 +123,19 @@ STAGE Mask each_blocks(const Shapes *shapes, const Ray *ray, Index target, Featu
     return blocked;
 }
 
-INLINE int axis_of_slot(const Shapes *shapes, int slot)
+/* One shape, by its slot: the loops above for trees. Of rectangles along the axes each lane may look at its own. */
+INLINE AlignedView aligned_view_of_slot(const Shapes *shapes, int slot, const Ray *ray)
 {
-    return slot < shapes->along[1] ? 0 : slot < shapes->along[2] ? 1 : 2;
+    int axis = slot < shapes->along[1] ? 0 : slot < shapes->along[2] ? 1 : 2;
+    return aligned_view(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis);
 }
 
-/* One shape, by its slot: the loops above for trees. */
+INLINE Mask aligned_view_meets(const AlignedView *view, Index slot, const Ray *ray, Hit *at)
+{
+    at->slot = slot;
+    return and_not(aligned_meets(view, real(1) / view->d[0], &at->t), ray->from == slot);
+}
+
 #define IF_SLOT(NAME) if ((f.has & HAS_##NAME) && slot < shapes->first[SHAPE_##NAME + 1])
 
 STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, Features f)
@@ -135,9 +144,8 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, F
     *at = (Hit){real(0), index_of(slot)};
     IF_SLOT(ALIGNED)
     {
-        int axis = axis_of_slot(shapes, slot);
-        Real inverse = real(1) / along(ray->d, axis);
-        return and_not(aligned_meets(&ROWS(shapes, ALIGNED, Aligned)[slot], ray, axis, inverse, &at->t), itself);
+        AlignedView view = aligned_view_of_slot(shapes, slot, ray);
+        return aligned_view_meets(&view, index_of(slot), ray, at);
     }
 #define X(NAME, name, words)                                                                                 \
     IF_SLOT(NAME)                                                                                            \
@@ -159,17 +167,11 @@ STAGE Mask slot_meets(const Shapes *shapes, int slot, const Ray *ray, Hit *at, F
 STAGE Mask slot_blocks(const Shapes *shapes, int slot, const Ray *ray, Index target, Features f)
 {
     Mask within = mask_none();
-    IF_SLOT(ALIGNED)
-    {
-        const AlignedRow *row = &ROWS(shapes, ALIGNED, Aligned)[slot];
-        Crossing c = aligned_crossing(row, ray, axis_of_slot(shapes, slot));
-        return flat_blocks(c, within_aligned(row, c), ray, target, slot);
-    }
 #define X(NAME, name, words)                                                                                 \
     IF_SLOT(NAME)                                                                                            \
     {                                                                                                        \
         Crossing c = name##_cross(shapes, slot - shapes->first[SHAPE_##NAME], ray, &within);                 \
-        return flat_blocks(c, within, ray, target, slot);                                                    \
+        return flat_blocks(c, within, ray, target, index_of(slot));                                                    \
     }
     FLAT_SHAPES(X)
 #undef X
@@ -208,9 +210,9 @@ STAGE int slot_meetings(const Shapes *shapes, int slot, const Ray *ray, Seat sta
     SOLID_SHAPES(X)
 #undef X
     if (slot < shapes->first[SHAPE_ALIGNED + 1]) {
-        const AlignedRow *row = &ROWS(shapes, ALIGNED, Aligned)[slot];
-        c = aligned_crossing(row, ray, axis_of_slot(shapes, slot));
-        within = within_aligned(row, c);
+        AlignedView view = aligned_view_of_slot(shapes, slot, ray);
+        c = aligned_crossing(&view);
+        within = within_aligned(&view, c);
     }
 #define X(NAME, name, words)                                                                                 \
     else if (slot < shapes->first[SHAPE_##NAME + 1])                                                         \
@@ -268,16 +270,18 @@ STAGE Mask stacked_blocks(const Shapes *shapes, int slot, const Ray *ray, const 
     return ball && shapes->anchor[slot][3] >= 0 ? and_not(blocked, itself) : blocked; /* as in sphere_blocks */
 }
 
-INLINE Mask one_lane(int lane)
+/* The slots of the shapes whose leaves these lanes are at, and those of rectangles along the axes; else 0. */
+INLINE Mask aligned_at(const Shapes *shapes, const Ways *ways, unsigned leaves, Index *slot, Features f)
 {
-    Mask one = mask_none();
-    LANE(one, lane) = LANE(mask_all(), lane);
-    (void)lane;
-    return one;
+    Mask in = lanes_mask(leaves);
+    for (int lane = 0; lane < LANES; lane++)
+        LANE(*slot, lane) = -2 - ways->at[lane];
+    in &= f.has & HAS_ALIGNED ? *slot < index_of(shapes->first[SHAPE_ALIGNED + 1]) : mask_none();
+    *slot = index_select(in, *slot, index_of(0));
+    return in;
 }
 
-/* The nearest by the tree of all but triangles: each lane's ray by itself. At a leaf all lanes look at the
-   shape, and only that one counts. */
+/* The nearest by the tree of all but triangles. At a leaf all lanes look at the shape, and those count that are at it. */
 INLINE Hit nearest_in_tree(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int stacked, Features f)
 {
@@ -285,16 +289,23 @@ INLINE Hit nearest_in_tree(
     Meeting nearest = no_meeting(ray);
     Seat start = stacked ? seat_of(&shapes->stacks, ray->from) : nearest.seat;
     Beams beams;
-    beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-        Mask one = one_lane(lane);
-        Beam beam = beam_of(&beams, lane, -1, -1);
-        const Slabs slabs = slabs_of(&beam);
-        Pending pending;
-        start_below(&pending, 0);
-        for (int n; (n = next_leaf(shapes->tree.nodes, &slabs, LANE(hit.t, lane), 1, &pending)) >= 0;) {
-            int slot = shapes->slot_of_leaf[n];
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &shapes->tree, &ray->o, &ray->d, ray->tmax);
+    Ways ways;
+    start_below(&ways, lanes, 0);
+    while (ways.inner | ways.leaves) {
+        unsigned leaves = step(shapes->tree.nodes, &beams, &hit.t, 1, &ways);
+        Index own = index_of(0);
+        Mask aligned = stacked || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
+        if (any(aligned)) {
+            AlignedView view = aligned_views(shapes, ray, own);
+            Mask met = aligned & aligned_view_meets(&view, own, ray, &at);
+            if (f.has & HAS_HIDDEN)
+                met = and_not(met, hiding & (gather_index(shapes->shines, own) != 0));
+            take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
+        }
+        for (unsigned left = leaves & ~mask_bits(aligned); left; left &= left - 1) {
+            int lane = lowest_lane(left), slot = -2 - ways.at[lane];
+            Mask one = lanes_mask(1u << lane);
             if (stacked) {
                 meet_stacked(shapes, slot, ray, start, one, hiding, &nearest, f);
                 hit = (Hit){nearest.t, nearest.slot};
@@ -303,6 +314,8 @@ INLINE Hit nearest_in_tree(
             Mask met = one & slot_meets(shapes, slot, ray, &at, f) & can_meet(shapes, slot, hiding, f);
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
+        for (; leaves; leaves &= leaves - 1)
+            go_on(&ways, lowest_lane(leaves), LANE(hit.t, lowest_lane(leaves)), 1);
     }
     return hit;
 }
@@ -322,22 +335,26 @@ INLINE Mask blocked_in_tree(
 {
     Mask blocked = mask_none();
     Beams beams;
-    beams_start(&beams, &shapes->tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-        Mask one = one_lane(lane), met = mask_none();
-        Beam beam = beam_of(&beams, lane, -1, -1);
-        const Slabs slabs = slabs_of(&beam);
-        Pending pending;
-        start_below(&pending, 0);
-        for (int n; !any(met)
-                    && (n = next_leaf(shapes->tree.nodes, &slabs, LANE(ray->tmax, lane), 0, &pending)) >= 0;) {
-            int slot = shapes->slot_of_leaf[n];
-            met = one
-                  & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
-                          : slot_blocks(shapes, slot, ray, target, f));
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &shapes->tree, &ray->o, &ray->d, ray->tmax);
+    Ways ways;
+    start_below(&ways, lanes, 0);
+    while (ways.inner | ways.leaves) {
+        unsigned leaves = step(shapes->tree.nodes, &beams, &ray->tmax, 0, &ways);
+        Index own = index_of(0);
+        Mask aligned = ends || !leaves ? mask_none() : aligned_at(shapes, &ways, leaves, &own, f);
+        if (any(aligned)) {
+            AlignedView view = aligned_views(shapes, ray, own);
+            Crossing c = aligned_crossing(&view);
+            blocked |= aligned & flat_blocks(c, within_aligned(&view, c), ray, target, own);
         }
-        blocked |= met;
+        for (unsigned left = leaves & ~mask_bits(aligned); left; left &= left - 1) {
+            int lane = lowest_lane(left), slot = -2 - ways.at[lane];
+            blocked |= lanes_mask(1u << lane)
+                       & (ends ? stacked_blocks(shapes, slot, ray, ends, target)
+                               : slot_blocks(shapes, slot, ray, target, f));
+        }
+        for (leaves &= ~mask_bits(blocked); leaves; leaves &= leaves - 1)
+            go_on(&ways, lowest_lane(leaves), 0, 0);
     }
     return blocked;
 }
@@ -382,82 +399,33 @@ STAGE Mask each_stacked_blocks(const Shapes *shapes, const Ray *ray, Index targe
     return blocked;
 }
 
-INLINE StackedRay stacked_ray(const Shapes *shapes, const Ray *ray, int lane, Int target)
-{
-    (void)lane;
-    return (StackedRay){&shapes->stacks, {LANE(ray->d.x, lane), LANE(ray->d.y, lane), LANE(ray->d.z, lane)},
-        LANE(ray->from, lane), target};
-}
-
 /* `together`: the rays may be alike, so that packets are worth a try. */
 STAGE void triangles_hit(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int together, Hit *hit, Features f)
 {
-    unsigned hidden = f.has & HAS_HIDDEN ? mask_bits(hiding) : 0;
-    (void)together;
+    const Triangles *triangles = &shapes->triangles;
     Beams beams;
-    beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-#if PACKETS
-        Packet packet;
-        unsigned alike = f.has & HAS_STACKS || !together
-                             ? 0
-                             : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
-        if (alike) {
-            Wanted wanted = {ray->from, index_of(-1), shapes->shines, hidden & alike, &hit->t, &hit->slot};
-            packet_nearest(&shapes->triangles, &packet, alike, &wanted);
-            lanes &= ~alike | 1u << lane;
-            continue;
-        }
-#endif
-        Num t = LANE(hit->t, lane);
-        Int slot = LANE(hit->slot, lane);
-        Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), -1);
-        const Int *shines = hidden >> lane & 1 ? shapes->shines : NULL;
-        if (f.has & HAS_STACKS) {
-            StackedRay stacked = stacked_ray(shapes, ray, lane, -1);
-            triangles_nearest(&shapes->triangles, &beam, 0, shines, &stacked, &t, &slot);
-        } else {
-            triangles_nearest(&shapes->triangles, &beam, 0, shines, NULL, &t, &slot);
-        }
-        LANE(hit->t, lane) = t;
-        LANE(hit->slot, lane) = slot;
-    }
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, hit->t);
+    Wanted w = {&beams, &ray->d, ray->from, index_of(-1), shapes->shines,
+        f.has & HAS_HIDDEN ? mask_bits(hiding) : 0, &shapes->stacks, hit->t, hit->slot, 0};
+    if (f.has & HAS_STACKS)
+        triangles_stacked(triangles, lanes, 1, &w);
+    else
+        triangles_nearest(triangles, together ? packets(triangles, ray, lanes, 1, &w) : lanes, 0, &w);
+    *hit = (Hit){w.t, w.slot};
 }
 
 STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
-    Mask blocked = mask_none();
+    const Triangles *triangles = &shapes->triangles;
     Beams beams;
-    beams_start(&beams, &shapes->triangles.tree, &ray->o, &ray->d);
-    for (unsigned lanes = mask_bits(active); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-#if PACKETS
-        Packet packet;
-        unsigned alike =
-            f.has & HAS_STACKS ? 0 : packet_from(&packet, &shapes->triangles.tree, &beams, ray, lanes, lane);
-        if (alike) {
-            Real t = ray->tmax;
-            Wanted wanted = {ray->from, target, NULL, 0, &t, NULL};
-            blocked |= lanes_mask(alike & ~packet_passes(&shapes->triangles, &packet, alike, &wanted));
-            lanes &= ~alike | 1u << lane;
-            continue;
-        }
-#endif
-        Beam beam = beam_of(&beams, lane, LANE(ray->from, lane), LANE(target, lane));
-        Num tmax = LANE(ray->tmax, lane);
-        int met;
-        if (f.has & HAS_STACKS) {
-            StackedRay stacked = stacked_ray(shapes, ray, lane, LANE(target, lane));
-            met = triangles_block(&shapes->triangles, &beam, 0, &stacked, tmax);
-        } else {
-            met = triangles_block(&shapes->triangles, &beam, 0, NULL, tmax);
-        }
-        if (met)
-            blocked |= one_lane(lane);
-    }
-    return blocked;
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, ray->tmax);
+    Wanted w = {&beams, &ray->d, ray->from, target, NULL, 0, &shapes->stacks, ray->tmax, index_of(-1), 0};
+    if (f.has & HAS_STACKS)
+        triangles_stacked(triangles, lanes, 0, &w);
+    else
+        triangles_block(triangles, packets(triangles, ray, lanes, 0, &w), 0, &w);
+    return lanes_mask(w.blocked);
 }
 
 /* Which of these rays meet what shines: `hit` is what they meet of all but triangles, of which none shines. */

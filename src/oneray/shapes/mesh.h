@@ -137,25 +137,26 @@ typedef struct {
    sheared along the ray, which are products of the same rounded numbers on both sides of an edge, so that a
    line can slip through neither edge nor corner. 0 counts as inside. Woop, Benthin, Wald, Watertight
    Ray/Triangle Intersection, JCGT 2(1), 2013. */
-INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num least_t, Num t[8])
+INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beams *beams, int lane, Num least_t, Num t[8])
 {
+    const Int x_axis = beams->axis[0][lane], y_axis = beams->axis[1][lane], z_axis = beams->axis[2][lane];
     unsigned bits = 0;
     for (int part = 0; part < 8; part += PIECE) {
         Piece x[3], y[3], z[3], zero = {0};
         UNROLLED for (int c = 0; c < 3; c++) {
-            memcpy(&x[c], leaf->corner[c][beam->axis[0]] + part, sizeof x[c]);
-            memcpy(&y[c], leaf->corner[c][beam->axis[1]] + part, sizeof y[c]);
-            memcpy(&z[c], leaf->corner[c][beam->axis[2]] + part, sizeof z[c]);
-            z[c] = z[c] - PIECE_OF(BEAM(beam, o[2]));
-            x[c] = (x[c] - PIECE_OF(BEAM(beam, o[0]))) - PIECE_OF(BEAM(beam, shear[0])) * z[c];
-            y[c] = (y[c] - PIECE_OF(BEAM(beam, o[1]))) - PIECE_OF(BEAM(beam, shear[1])) * z[c];
+            memcpy(&x[c], leaf->corner[c][x_axis] + part, sizeof x[c]);
+            memcpy(&y[c], leaf->corner[c][y_axis] + part, sizeof y[c]);
+            memcpy(&z[c], leaf->corner[c][z_axis] + part, sizeof z[c]);
+            z[c] = z[c] - PIECE_OF(beams->o[2][lane]);
+            x[c] = (x[c] - PIECE_OF(beams->o[0][lane])) - PIECE_OF(beams->shear[0][lane]) * z[c];
+            y[c] = (y[c] - PIECE_OF(beams->o[1][lane])) - PIECE_OF(beams->shear[1][lane]) * z[c];
         }
         Piece u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
         Piece least = PIECE_MIN(PIECE_MIN(u, v), w), most = PIECE_MAX(PIECE_MAX(u, v), w);
         PieceMask inside = (least >= zero) | (most <= zero);
         if (!piece_bits(&inside))
             continue;
-        Piece sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * PIECE_OF(BEAM(beam, shear[2])) / sum;
+        Piece sum = u + v + w, at = (u * z[0] + v * z[1] + w * z[2]) * PIECE_OF(beams->shear[2][lane]) / sum;
         inside &= (sum != zero) & (at > PIECE_OF(least_t));
         memcpy(t + part, &at, sizeof at);
         bits |= piece_bits(&inside) << part;
@@ -163,14 +164,34 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beam *beam, Num least
     return bits;
 }
 
+/* What rays want to know: the nearest before t, or as near and of a lower slot; or whether any is before t. */
+typedef struct {
+    const Beams *beams;
+    const Vec *d;
+    Index from, target; /* slots, or -1: where the rays start and end */
+    const Int *shines; /* by row, what the rays of `hidden` pass by */
+    unsigned hidden;
+    const StackTables *stacks; /* HAS_STACKS */
+    Real t;
+    Index slot;
+    unsigned blocked; /* a bit a lane */
+} Wanted;
+
+INLINE StackedRay stacked_ray(const Wanted *w, int lane)
+{
+    (void)lane;
+    return (StackedRay){w->stacks, {LANE(w->d->x, lane), LANE(w->d->y, lane), LANE(w->d->z, lane)},
+        LANE(w->from, lane), LANE(w->target, lane)};
+}
+
 /* Is the triangle `here` met, and before the nearest so far? With stacks *at becomes 0 where the ray starts in its. */
-INLINE int triangle_nearer(const StackedRay *stacked, const Beam *beam, Int here, Num *at, Num t, Int slot)
+INLINE int triangle_nearer(const StackedRay *stacked, Int from, Int here, Num *at, Num t, Int slot)
 {
     if (stacked && in_one_stack(stacked->stacks, stacked->start, here)) {
         *at = 0;
         if (!slot_before(stacked, stacked->start, here))
             return 0;
-    } else if (here == beam->from || !(*at > 0)) {
+    } else if (here == from || !(*at > 0)) {
         return 0;
     }
     if (stacked && in_one_stack(stacked->stacks, here, slot))
@@ -178,57 +199,60 @@ INLINE int triangle_nearer(const StackedRay *stacked, const Beam *beam, Int here
     return *at < t || (*at == t && here < slot);
 }
 
-/* The nearest below `root` before *t, or as near and of a lower slot. `shines`, where not NULL, says by row what the ray
-   passes by; `stacked`, where not NULL, knows of surfaces in one place. */
-APART void triangles_nearest(const Triangles *triangles, const Beam *beam, int32_t root, const Int *shines,
-    const StackedRay *stacked, Num *t, Int *slot)
-{
-    const Slabs slabs = slabs_of(beam);
-    Pending pending;
-    start_below(&pending, root);
-    for (int n; (n = next_leaf(triangles->tree.nodes, &slabs, *t, 1, &pending)) >= 0;) {
-        const TriangleLeaf *leaf = &triangles->leaves[n];
-        Num at[8];
-        for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
-            int k = lowest_lane(bits), here = leaf->slot[k];
-            if (!triangle_nearer(stacked, beam, here, &at[k], *t, *slot))
-                continue;
-            if (shines && shines[triangles->row[here - triangles->first_slot]])
-                continue;
-            *t = at[k];
-            *slot = here;
-        }
-    }
-}
-
 /* Is the triangle `here` between the ray's ends? */
-INLINE int triangle_between(const StackedRay *stacked, const Beam *beam, Int here, Num at, Num t)
+INLINE int triangle_between(const StackedRay *stacked, Int from, Int target, Int here, Num at, Num t)
 {
     if (!stacked)
-        return at < t && here != beam->from && here != beam->target;
+        return at < t && here != from && here != target;
     int from_start = in_one_stack(stacked->stacks, stacked->start, here);
     int to_end = in_one_stack(stacked->stacks, here, stacked->end);
     return (from_start ? slot_before(stacked, stacked->start, here) : at > 0)
            && (to_end ? slot_before(stacked, here, stacked->end) : at < t || from_start);
 }
 
-/* L3 Is any below `root` in the way before t, one that is neither where the ray starts nor where it ends? */
-APART int triangles_block(
-    const Triangles *triangles, const Beam *beam, int32_t root, const StackedRay *stacked, Num t)
+/* Below `root`: the nearest of each of these lanes, or L3 is anything in the way. */
+INLINE void triangles_walk(
+    const Triangles *triangles, unsigned lanes, int32_t root, int nearest, int in_stacks, Wanted *w)
 {
-    const Slabs slabs = slabs_of(beam);
-    Pending pending;
-    start_below(&pending, root);
-    for (int n; (n = next_leaf(triangles->tree.nodes, &slabs, t, 0, &pending)) >= 0;) {
-        const TriangleLeaf *leaf = &triangles->leaves[n];
-        Num at[8];
-        for (unsigned bits = leaf_meets(leaf, beam, stacked ? -NUM_MAX : 0, at); bits; bits &= bits - 1) {
-            int k = lowest_lane(bits);
-            if (triangle_between(stacked, beam, leaf->slot[k], at[k], t))
-                return 1;
+    Ways ways;
+    start_below(&ways, lanes, root);
+    while (ways.inner | ways.leaves) {
+        unsigned leaves = step(triangles->tree.nodes, w->beams, &w->t, nearest, &ways);
+        for (; leaves; leaves &= leaves - 1) {
+            int lane = lowest_lane(leaves);
+            const TriangleLeaf *leaf = &triangles->leaves[-2 - ways.at[lane]];
+            StackedRay ray, *stacked = in_stacks ? (ray = stacked_ray(w, lane), &ray) : NULL;
+            Num at[8], t = LANE(w->t, lane);
+            Int slot = LANE(w->slot, lane), from = LANE(w->from, lane);
+            for (unsigned met = leaf_meets(leaf, w->beams, lane, in_stacks ? -NUM_MAX : 0, at); met;
+                met &= met - 1) {
+                int k = lowest_lane(met), here = leaf->slot[k];
+                if (!nearest && triangle_between(stacked, from, LANE(w->target, lane), here, at[k], t))
+                    w->blocked |= 1u << lane;
+                if (!nearest || !triangle_nearer(stacked, from, here, &at[k], t, slot))
+                    continue;
+                if (w->hidden >> lane & 1 && w->shines[triangles->row[here - triangles->first_slot]])
+                    continue;
+                LANE(w->t, lane) = t = at[k];
+                LANE(w->slot, lane) = slot = here;
+            }
+            if (nearest || !(w->blocked >> lane & 1))
+                go_on(&ways, lane, t, nearest);
         }
     }
-    return 0;
+}
+
+APART void triangles_nearest(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+{
+    triangles_walk(triangles, lanes, root, 1, 0, w);
+}
+APART void triangles_block(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+{
+    triangles_walk(triangles, lanes, root, 0, 0, w);
+}
+APART void triangles_stacked(const Triangles *triangles, unsigned lanes, int nearest, Wanted *w)
+{
+    triangles_walk(triangles, lanes, 0, nearest, 1, w);
 }
 
 /* The least and largest coordinates of each triangle's corners along an axis, less the tree's center. */

@@ -1,6 +1,6 @@
 /* Packets: rays of several lanes that go much the same way through the tree of triangles together. Eight boxes at once are
    tested against what any of the rays may be, then each that is left against all rays; a triangle against all rays. Where
-   few rays are left, each goes on by itself. What is met is the same, by the same numbers. */
+   few rays are left, each goes on by itself, in turn. What is met is the same, by the same numbers. */
 #pragma once
 
 #include "shapes/shape.h"
@@ -43,13 +43,6 @@ INLINE unsigned at_most(Floats a, Floats b)
 #endif
 }
 
-#if LANES == 16
-#define LANE_BITS {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768}
-#else
-#define LANE_BITS {1, 2, 4, 8, 16, 32, 64, 128}
-#endif
-INLINE Mask lanes_mask(unsigned bits) { return (index_of(bits) & (Index)LANE_BITS) != 0; }
-
 /* The smallest and largest of these lanes' numbers. */
 typedef struct {
     float low, high;
@@ -66,8 +59,9 @@ INLINE float lowest_of(Floats a)
 }
 INLINE Range range_of(Floats a, unsigned lanes)
 {
-    const FloatsMask in = ((FloatsMask)EACH((int32_t)lanes) & (FloatsMask)LANE_BITS) != 0;
-    Floats b = (Floats)MASK_SELECT(in, (FloatsMask)a, (FloatsMask)FLOATS_OF(a[lowest_lane(lanes)]));
+    Floats b = FLOATS_OF(a[lowest_lane(lanes)]);
+    for (int lane = 0; lane < LANES; lane++)
+        b[lane] = lanes >> lane & 1 ? a[lane] : b[lane];
     return (Range){lowest_of(b), -lowest_of(-b)};
 }
 
@@ -86,23 +80,21 @@ INLINE Spread spread_of(float low, float high, float o)
 
 typedef struct {
     const Beams *beams;
-    Floats inverse[3], near[3], wider[3], far[3]; /* as Slabs has them, by lane */
+    int lane; /* one of them, whose planes and axes are those of all */
     Spread first[3], last[3];
-    int near_plane[3], far_plane[3], axis[3], order, turned;
-    Real o[3], shear[3];
 } Packet;
 
 /* Of `lanes` those whose rays start near this lane's, which is one of them, and go in much the same direction. */
 INLINE unsigned lanes_alike(const Tree *tree, const Beams *beams, const Ray *ray, unsigned lanes, int lane)
 {
     const Real o[3] = {ray->o.x, ray->o.y, ray->o.z}, d[3] = {ray->d.x, ray->d.y, ray->d.z};
-    Index z;
-    memcpy(&z, beams->z, sizeof z);
-    Mask alike = z == index_of(beams->z[lane]);
+    Index z, octant;
+    memcpy(&z, beams->axis[2], sizeof z);
+    memcpy(&octant, beams->octant, sizeof octant);
+    Mask alike = (z == index_of(beams->axis[2][lane])) & (octant == index_of(beams->octant[lane]));
     Real extent = real(0);
     UNROLLED for (int i = 0; i < 3; i++)
     {
-        lanes &= beams->backwards[i] >> lane & 1 ? beams->backwards[i] : ~beams->backwards[i];
         extent = real_max(real(tree->extent[i]), extent);
     }
     UNROLLED for (int i = 0; i < 3; i++)
@@ -122,25 +114,13 @@ INLINE unsigned packet_from(
     Floats o_x = floats_at(beams->near_o[0]);
     if (__builtin_popcount(lanes) < PACKET_FORMS || (lanes & ~at_most(o_x, o_x)))
         return 0;
-    Beam beam = beam_of(beams, lowest_lane(lanes), -1, -1);
-    Slabs slabs = slabs_of(&beam);
     p->beams = beams;
-    p->order = slabs.order;
-    p->turned = slabs.turned;
+    p->lane = lane;
     UNROLLED for (int i = 0; i < 3; i++)
     {
+        int backwards = beams->octant[lane] >> i & 1;
         Floats near_o = floats_at(beams->near_o[i]), far_o = floats_at(beams->far_o[i]);
-        p->near_plane[i] = slabs.near_plane[i];
-        p->far_plane[i] = slabs.far_plane[i];
-        p->axis[i] = beam.axis[i];
-        p->inverse[i] = floats_at(beams->inverse[i]);
-        p->wider[i] = p->inverse[i] * FLOATS_OF(MARGIN);
-        p->near[i] = near_o * p->inverse[i];
-        p->far[i] = far_o * p->wider[i];
-        memcpy(&p->o[i], beams->o[i], sizeof p->o[i]);
-        memcpy(&p->shear[i], beams->shear[i], sizeof p->shear[i]);
-        int backwards = slabs.near_plane[i] >= 3;
-        Range inverse = range_of(p->inverse[i], lanes), near = range_of(near_o, lanes),
+        Range inverse = range_of(floats_at(beams->inverse[i]), lanes), near = range_of(near_o, lanes),
               far = range_of(far_o, lanes);
         p->first[i] = spread_of(inverse.low, inverse.high, backwards ? near.low : near.high);
         p->last[i] = spread_of(inverse.low * MARGIN, inverse.high * MARGIN, backwards ? far.high : far.low);
@@ -172,13 +152,14 @@ INLINE unsigned packet_range(const Packet *p, const BoxPiece first[3], const Box
 /* Which rays meet box k of the node before their limits. */
 INLINE unsigned packet_box(const Packet *p, const TreeNode *node, int k, Floats limit)
 {
+    const Beams *b = p->beams;
     Floats near = {0}, far = limit;
     UNROLLED for (int i = 0; i < 3; i++)
     {
-        Floats first = FLOATS_OF(node->plane[p->near_plane[i]][k]),
-               last = FLOATS_OF(node->plane[p->far_plane[i]][k]);
-        near = FLOATS(max, FLOATS(fmsub, first, p->inverse[i], p->near[i]), near);
-        far = FLOATS(min, FLOATS(fmsub, last, p->wider[i], p->far[i]), far);
+        Floats first = FLOATS_OF(node->plane[b->first[i][p->lane]][k]),
+               last = FLOATS_OF(node->plane[b->last[i][p->lane]][k]);
+        near = FLOATS(max, FLOATS(fmsub, first, floats_at(b->inverse[i]), floats_at(b->near[i])), near);
+        far = FLOATS(min, FLOATS(fmsub, last, floats_at(b->wider[i]), floats_at(b->far[i])), far);
     }
 #ifdef EVERY_BOX
     near = far;
@@ -195,7 +176,7 @@ INLINE unsigned packet_leaf(const Packet *p, const TriangleLeaf *leaf, const Tre
     UNROLLED for (int i = 0; i < 3; i++)
     {
         float range[2][8];
-        int backwards = p->near_plane[i] >= 3;
+        int backwards = p->beams->octant[p->lane] >> i & 1;
         corner_range(leaf, i, tree->center[i], range[0], range[1]);
         memcpy(&first[i], range[backwards], sizeof first[i]);
         memcpy(&last[i], range[!backwards], sizeof last[i]);
@@ -206,12 +187,16 @@ INLINE unsigned packet_leaf(const Packet *p, const TriangleLeaf *leaf, const Tre
 /* leaf_meets the other way round: one triangle, all rays. */
 INLINE Mask triangle_meets(const Packet *p, const TriangleLeaf *leaf, int k, Real *t)
 {
-    Real x[3], y[3], z[3];
+    const Beams *b = p->beams;
+    const Int x_axis = b->axis[0][p->lane], y_axis = b->axis[1][p->lane], z_axis = b->axis[2][p->lane];
+    Real x[3], y[3], z[3], o[3], shear[3];
+    memcpy(o, b->o, sizeof o);
+    memcpy(shear, b->shear, sizeof shear);
     UNROLLED for (int c = 0; c < 3; c++)
     {
-        z[c] = real(leaf->corner[c][p->axis[2]][k]) - p->o[2];
-        x[c] = (real(leaf->corner[c][p->axis[0]][k]) - p->o[0]) - p->shear[0] * z[c];
-        y[c] = (real(leaf->corner[c][p->axis[1]][k]) - p->o[1]) - p->shear[1] * z[c];
+        z[c] = real(leaf->corner[c][z_axis][k]) - o[2];
+        x[c] = (real(leaf->corner[c][x_axis][k]) - o[0]) - shear[0] * z[c];
+        y[c] = (real(leaf->corner[c][y_axis][k]) - o[1]) - shear[1] * z[c];
     }
     Real u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
     Real least = real_min(real_min(u, v), w), most = real_max(real_max(u, v), w);
@@ -220,7 +205,7 @@ INLINE Mask triangle_meets(const Packet *p, const TriangleLeaf *leaf, int k, Rea
     if (!any(inside))
         return inside;
     Real sum = u + v + w;
-    *t = (u * z[0] + v * z[1] + w * z[2]) * p->shear[2] / sum;
+    *t = (u * z[0] + v * z[1] + w * z[2]) * shear[2] / sum;
     return inside & (sum != real(0)) & (*t > real(0));
 }
 
@@ -237,12 +222,13 @@ INLINE void put_packet(
     BoxPiece first[3], last[3];
     UNROLLED for (int i = 0; i < 3; i++)
     {
-        memcpy(&first[i], node->plane[p->near_plane[i]], sizeof first[i]);
-        memcpy(&last[i], node->plane[p->far_plane[i]], sizeof last[i]);
+        memcpy(&first[i], node->plane[p->beams->first[i][p->lane]], sizeof first[i]);
+        memcpy(&last[i], node->plane[p->beams->last[i][p->lane]], sizeof last[i]);
     }
     unsigned some = packet_range(p, first, last, most);
+    int turned = turned_order(p->beams->octant[p->lane]), order = (int)p->beams->octant[p->lane] ^ turned;
     for (int i = 0; some && i < BVH_WIDTH; i++) {
-        int k = node->order[p->order][p->turned ? BVH_WIDTH - 1 - i : i];
+        int k = node->order[order][i ^ turned];
         unsigned here =
             some >> k & 1 && node->where.child[k] != -1 ? lanes & packet_box(p, node, k, limit) : 0;
         pending->child[pending->count] = node->where.child[k];
@@ -251,53 +237,33 @@ INLINE void put_packet(
     }
 }
 
-/* What rays want to know: the nearest before *t, as triangles_nearest finds it, or whether any is before *t. */
-typedef struct {
-    Index from, target; /* slots */
-    const Int *shines; /* by row, what the rays of `hidden` pass by */
-    unsigned hidden;
-    Real *t;
-    Index *slot;
-} Wanted;
-
 INLINE Floats limits_of(const Wanted *wanted)
 {
     float t[LANES];
-    floats_of(t, *wanted->t);
+    floats_of(t, wanted->t);
     return floats_at(t) * FLOATS_OF(MARGIN);
 }
 
-/* The way of a packet through the tree: gives the lanes that are not blocked. */
-INLINE unsigned packet_walk(
-    const Triangles *triangles, const Packet *p, unsigned lanes, const Wanted *wanted, int nearest)
+/* The way of a packet through the tree. */
+INLINE void packet_walk(const Triangles *triangles, const Packet *p, unsigned lanes, int nearest, Wanted *w)
 {
     const TreeNode *nodes = triangles->tree.nodes;
     PacketPending pending;
     Mask in = lanes_mask(lanes);
-    Floats limit = limits_of(wanted);
+    Floats limit = limits_of(w);
     float most = range_of(limit, lanes).high;
     pending.count = 0;
     put_packet(p, &nodes[0], lanes, most, limit, &pending);
-    while (pending.count > 0 && lanes) {
+    while (pending.count > 0 && (nearest || lanes & ~w->blocked)) {
         int child = pending.child[--pending.count];
-        unsigned some = pending.lanes[pending.count] & lanes;
+        unsigned some = pending.lanes[pending.count] & ~w->blocked;
         if (__builtin_popcount(some) < PACKET_LEAST) {
-            for (; some; some &= some - 1) {
-                int lane = lowest_lane(some);
-                Beam beam = beam_of(p->beams, lane, LANE(wanted->from, lane), LANE(wanted->target, lane));
-                Num t = LANE(*wanted->t, lane);
-                if (nearest) {
-                    Int slot = LANE(*wanted->slot, lane);
-                    const Int *shines = wanted->hidden >> lane & 1 ? wanted->shines : NULL;
-                    triangles_nearest(triangles, &beam, child, shines, NULL, &t, &slot);
-                    LANE(*wanted->t, lane) = t;
-                    LANE(*wanted->slot, lane) = slot;
-                } else if (triangles_block(triangles, &beam, child, NULL, t)) {
-                    lanes &= ~(1u << lane);
-                }
+            if (nearest) {
+                triangles_nearest(triangles, some, child, w);
+                limit = limits_of(w);
+            } else {
+                triangles_block(triangles, some, child, w);
             }
-            if (nearest)
-                limit = limits_of(wanted);
         } else if (child >= 0) {
             put_packet(p, &nodes[child], some, most, limit, &pending);
         } else {
@@ -306,34 +272,53 @@ INLINE unsigned packet_walk(
             for (unsigned left = packet_leaf(p, leaf, &triangles->tree, most); left; left &= left - 1) {
                 int k = lowest_lane(left), here = leaf->slot[k];
                 Real t;
-                Mask met = and_not(in & triangle_meets(p, leaf, k, &t), wanted->from == index_of(here));
+                Mask met = and_not(in & triangle_meets(p, leaf, k, &t), w->from == index_of(here));
                 if (nearest) {
-                    met &= (t < *wanted->t) | ((t == *wanted->t) & (index_of(here) < *wanted->slot));
-                    if (wanted->hidden && wanted->shines[triangles->row[here - triangles->first_slot]])
-                        met = and_not(met, lanes_mask(wanted->hidden));
+                    met &= (t < w->t) | ((t == w->t) & (index_of(here) < w->slot));
+                    if (w->hidden && w->shines[triangles->row[here - triangles->first_slot]])
+                        met = and_not(met, lanes_mask(w->hidden));
                     taken |= met;
-                    *wanted->t = select(met, t, *wanted->t);
-                    *wanted->slot = index_select(met, index_of(here), *wanted->slot);
+                    w->t = select(met, t, w->t);
+                    w->slot = index_select(met, index_of(here), w->slot);
                 } else {
-                    lanes &= ~mask_bits(and_not(met & (t < *wanted->t), wanted->target == index_of(here)));
+                    w->blocked |= mask_bits(and_not(met & (t < w->t), w->target == index_of(here)));
                 }
             }
             if (nearest && any(taken)) {
-                limit = limits_of(wanted);
+                limit = limits_of(w);
                 most = range_of(limit, lanes).high;
             }
         }
     }
-    return lanes;
 }
 
-APART void packet_nearest(const Triangles *triangles, const Packet *p, unsigned lanes, const Wanted *wanted)
+APART void packet_nearest(const Triangles *triangles, const Packet *p, unsigned lanes, Wanted *w)
 {
-    packet_walk(triangles, p, lanes, wanted, 1);
+    packet_walk(triangles, p, lanes, 1, w);
 }
-APART unsigned packet_passes(const Triangles *triangles, const Packet *p, unsigned lanes, const Wanted *wanted)
+APART void packet_blocks(const Triangles *triangles, const Packet *p, unsigned lanes, Wanted *w)
 {
-    return packet_walk(triangles, p, lanes, wanted, 0);
+    packet_walk(triangles, p, lanes, 0, w);
 }
 
 #endif
+
+/* Lets those of `lanes` that are alike go through the tree in packets; gives the others. */
+INLINE unsigned packets(const Triangles *triangles, const Ray *ray, unsigned lanes, int nearest, Wanted *w)
+{
+    unsigned others = lanes;
+#if PACKETS
+    for (unsigned left = lanes; __builtin_popcount(left) >= PACKET_FORMS;) {
+        Packet packet;
+        unsigned alike = packet_from(&packet, &triangles->tree, w->beams, ray, left, lowest_lane(left));
+        left &= ~(alike ? alike : left & -left);
+        others &= ~alike;
+        if (alike && nearest)
+            packet_nearest(triangles, &packet, alike, w);
+        else if (alike)
+            packet_blocks(triangles, &packet, alike, w);
+    }
+#endif
+    (void)triangles, (void)ray, (void)nearest, (void)w;
+    return others;
+}

@@ -52,8 +52,7 @@ typedef struct {
                                         that can block */
     int slot_count;                  /* rows of the tables by slot */
     Triangles triangles;
-    Tree tree; /* of all shapes but meshes, where they are too many for a loop */
-    int32_t *slot_of_leaf;
+    Tree tree; /* of all shapes but meshes, where they are too many for a loop; -2 - leaf is the shape's first slot */
     Num (*anchor)[4]; /* by slot: the unit normal n of a flat primitive and n·p of its plane; the center of a
                          sphere or cylinder and its radius, negative if flip_normals */
     Int *shines;      /* by slot: is there an area light, even one of no power? */

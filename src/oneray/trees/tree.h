@@ -1,4 +1,4 @@
-/* Trees of boxes in a kernel: one ray goes through, against eight boxes at once.
+/* Trees of boxes in a kernel: a ray looks at eight boxes at once, and the rays of all lanes take a step each in turn.
 
    A tree only leaves out what the ray certainly does not meet, and of equally near hits the lower slot is
    taken, so that what is met depends on neither the tree nor the order. */
@@ -116,30 +116,23 @@ typedef struct {
 typedef struct {
     TreeNode *nodes;          /* NULL: nothing in it; about the center of all */
     Num center[3], extent[3]; /* extent: half of the box of all */
+    float low[3], high[3]; /* that box as node 0 has it */
 } Tree;
 
-/* The rays of all lanes, as a tree takes them: [axis][lane]. */
+/* The rays of all lanes, as trees take them: [axis][lane]. Of a box's planes the ray meets the first at
+   plane·inverse - near or, with a margin for rounding, the last at plane·wider - far. */
 typedef struct {
     float near_o[3][LANES], far_o[3][LANES]; /* o, moved so that near planes are nearer and far planes farther */
-    float inverse[3][LANES];                 /* 1/d */
-    Num o[3][LANES], shear[3][LANES];      /* for triangles, in axes whose z is the one that d is longest along: o,
-                                              and d.x/d.z, d.y/d.z, 1/d.z */
-    Int z[LANES];
-    unsigned backwards[3]; /* a bit a lane: 1/d is negative */
+    float inverse[3][LANES], near[3][LANES]; /* 1/d, and near_o/d */
+    float wider[3][LANES], far[3][LANES];
+    Int first[3][LANES], last[3][LANES]; /* which planes of a node those are */
+    Int octant[LANES]; /* a bit an axis: 1/d is negative */
+    Int axis[3][LANES]; /* for triangles: x, y and z, the one that d is longest along */
+    Num o[3][LANES], shear[3][LANES]; /* in those o, and d.x/d.z, d.y/d.z, 1/d.z */
 } Beams;
 
-/* One of them. */
-typedef struct {
-    const Beams *all;
-    int lane;
-    int near[3], far[3]; /* which planes of a node are met first and last */
-    int axis[3];         /* the triangles' */
-    Int from, target;    /* slots, or -1 */
-} Beam;
-
-#define BEAM(beam, what) ((beam)->all->what[(beam)->lane])
-
 #define ROUNDING 1.2e-7F
+#define MARGIN (1 + 8 * ROUNDING)
 #define INVERSE_MOST 1e18
 #ifdef SINGLE
 #define NUM_ROUNDING ROUNDING
@@ -169,11 +162,15 @@ INLINE void floats_of(float to[LANES], Real a)
    rounded, or one of them: as if the plane or o were at most half a unit in the last place of `reach` elsewhere, twice;
    what else is rounded are factors of the distance, which MARGIN has room for. 1/d is bounded, so that along an axis
    across the ray the products are numbers, and o in between the planes is: on its way to t <= 4 reach a ray that this
-   turns is 1e-17 reach aside. Where floats may have no such last place, nan lets every box be met. */
-STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *d)
+   turns is 1e-17 reach aside. Where floats may have no such last place, nan lets every box be met.
+
+   Gives the lanes that may meet the box of all before tmax: as for any box, but with (plane - o)·(1/d), whose difference
+   is rounded by half a unit in the last place of `reach` at most. */
+STAGE unsigned beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *d, Real tmax)
 {
     const Real from[3] = {o->x, o->y, o->z}, along[3] = {d->x, d->y, d->z};
-    Real reach = real(0), size = real(0), inverse[3], to_ray[3];
+    Real reach = real(0), size = real(0), near = real(0), far = tmax * real(MARGIN), inverse[3], to_ray[3];
+    Index octant = index_of(0);
     UNROLLED for (int i = 0; i < 3; i++)
     {
         to_ray[i] = from[i] - real(tree->center[i]);
@@ -186,67 +183,43 @@ STAGE void beams_start(Beams *beams, const Tree *tree, const Vec *o, const Vec *
     {
         inverse[i] = real(1) / along[i];
         Real aside = flip_sign(slack, inverse[i]), nearer = to_ray[i] + aside, farther = to_ray[i] - aside;
-        floats_of(beams->inverse[i], real_max(real_min(inverse[i], real(INVERSE_MOST)), real(-INVERSE_MOST)));
+        Real bounded = real_max(real_min(inverse[i], real(INVERSE_MOST)), real(-INVERSE_MOST));
+        floats_of(beams->inverse[i], bounded);
         floats_of(beams->near_o[i], nearer);
         floats_of(beams->far_o[i], farther);
-        beams->backwards[i] = mask_bits(inverse[i] < real(0));
+        for (int lane = 0; lane < LANES; lane++) {
+            beams->near[i][lane] = beams->near_o[i][lane] * beams->inverse[i][lane];
+            beams->wider[i][lane] = beams->inverse[i][lane] * MARGIN;
+            beams->far[i][lane] = beams->far_o[i][lane] * beams->wider[i][lane];
+        }
+        Mask backwards = inverse[i] < real(0);
+        Index first = index_select(backwards, index_of(3 + i), index_of(i)),
+              last = index_of(3 + 2 * i) - first;
+        Real low = real(tree->low[i]), high = real(tree->high[i]);
+        near = real_max((select(backwards, high, low) - nearer) * bounded, near);
+        far = real_min((select(backwards, low, high) - farther) * bounded * real(MARGIN), far);
+        memcpy(beams->first[i], &first, sizeof first);
+        memcpy(beams->last[i], &last, sizeof last);
+        octant |= index_select(backwards, index_of(1 << i), index_of(0));
     }
+    memcpy(beams->octant, &octant, sizeof octant);
     Real xx = d->x * d->x, yy = d->y * d->y, zz = d->z * d->z;
     Mask is_x = (xx >= yy) & (xx >= zz), is_y = yy >= zz; /* z of the triangles, unless x */
     Index z = index_select(is_x, index_of(0), index_select(is_y, index_of(1), index_of(2)));
+    Index x = index_select(z == 2, index_of(0), z + 1);
+    const Index axis[3] = {x, 3 - x - z, z};
     Real over_z = along_axis(is_x, is_y, inverse[0], inverse[1], inverse[2]);
     const Real origin[3] = {along_axis(is_x, is_y, o->y, o->z, o->x), along_axis(is_x, is_y, o->z, o->x, o->y),
         along_axis(is_x, is_y, o->x, o->y, o->z)};
     const Real shear[3] = {along_axis(is_x, is_y, d->y, d->z, d->x) * over_z,
         along_axis(is_x, is_y, d->z, d->x, d->y) * over_z, over_z};
-    memcpy(beams->z, &z, sizeof z);
+    memcpy(beams->axis, axis, sizeof axis);
     memcpy(beams->o, origin, sizeof origin);
     memcpy(beams->shear, shear, sizeof shear);
-}
-
-INLINE Beam beam_of(const Beams *beams, int lane, Int from, Int target)
-{
-    Beam beam = {.all = beams, .lane = lane, .from = from, .target = target};
-    UNROLLED for (int i = 0; i < 3; i++)
-    {
-        int backwards = (int)(beams->backwards[i] >> lane & 1);
-        beam.near[i] = backwards ? 3 + i : i;
-        beam.far[i] = backwards ? i : 3 + i;
-    }
-    int z = (int)beams->z[lane];
-    beam.axis[0] = z == 2 ? 0 : z + 1;
-    beam.axis[1] = z == 0 ? 2 : z - 1;
-    beam.axis[2] = z;
-    return beam;
-}
-
-/* One ray as boxes see it, its numbers once for each box. A plane is met at plane·inverse - near or, with a margin for
-   rounding, plane·wider - far. */
-typedef struct {
-    BoxPiece inverse[3], near[3], wider[3], far[3];
-    int near_plane[3], far_plane[3]; /* which planes of a node are met first and last */
-    int order, turned; /* which of a node's orders, and from which end */
-} Slabs;
-
-#define MARGIN (1 + 8 * ROUNDING)
-
-INLINE Slabs slabs_of(const Beam *beam)
-{
-    Slabs s = {.order = 0};
-    UNROLLED for (int i = 0; i < 3; i++)
-    {
-        float inverse = BEAM(beam, inverse[i]), wider = inverse * MARGIN;
-        s.near_plane[i] = beam->near[i];
-        s.far_plane[i] = beam->far[i];
-        s.inverse[i] = BOX_OF(inverse);
-        s.near[i] = BOX_OF(BEAM(beam, near_o[i]) * inverse);
-        s.wider[i] = BOX_OF(wider);
-        s.far[i] = BOX_OF(BEAM(beam, far_o[i]) * wider);
-        s.order |= (beam->near[i] >= 3) << i;
-    }
-    s.turned = s.order >= ORDERS;
-    s.order = s.turned ? 2 * ORDERS - 1 - s.order : s.order;
-    return s;
+#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
+    near = far;
+#endif
+    return mask_bits(near <= far);
 }
 
 /* a·b - c, in one rounding where that is one instruction: boxes are wide enough for either. */
@@ -256,41 +229,34 @@ INLINE Slabs slabs_of(const Beam *beam)
 #define BOX_FMSUB(a, b, c) ((a) * (b) - (c))
 #endif
 
-/* Where the ray comes into the node's boxes from number `part` on and leaves them, between 0 and `limit`: it meets
+/* Where a lane's ray comes into the node's boxes from number `part` on and leaves them, between 0 and `limit`: it meets
    those where near <= far. Numbers that are nan count for nothing. */
 INLINE void box_range(
-    const TreeNode *node, const Slabs *s, float limit, int part, BoxPiece *near, BoxPiece *far)
+    const TreeNode *node, const Beams *beams, int lane, float limit, int part, BoxPiece *near, BoxPiece *far)
 {
     *near = (BoxPiece){0};
     *far = BOX_OF(limit);
     UNROLLED for (int i = 0; i < 3; i++)
     {
         BoxPiece first, last;
-        memcpy(&first, node->plane[s->near_plane[i]] + part, sizeof first);
-        memcpy(&last, node->plane[s->far_plane[i]] + part, sizeof last);
-        *near = BOX_MAX(BOX_FMSUB(first, s->inverse[i], s->near[i]), *near);
-        *far = BOX_MIN(BOX_FMSUB(last, s->wider[i], s->far[i]), *far);
+        memcpy(&first, node->plane[beams->first[i][lane]] + part, sizeof first);
+        memcpy(&last, node->plane[beams->last[i][lane]] + part, sizeof last);
+        *near =
+            BOX_MAX(BOX_FMSUB(first, BOX_OF(beams->inverse[i][lane]), BOX_OF(beams->near[i][lane])), *near);
+        *far = BOX_MIN(BOX_FMSUB(last, BOX_OF(beams->wider[i][lane]), BOX_OF(beams->far[i][lane])), *far);
     }
-#ifdef EVERY_BOX /* for the test that boxes leave out nothing that is met */
+#ifdef EVERY_BOX
     *far = *near = (BoxPiece){0};
 #endif
 }
 
-/* What is still to be looked at, the last first, and how far away it begins. */
+/* What a ray has still to look at, the last first, and how far away it begins. The first, -1, is the end. */
 enum { PENDING_MOST = BVH_DEPTH * (BVH_WIDTH - 1) + 2 * BVH_WIDTH };
 typedef struct {
     int count;
     float near[PENDING_MOST];
     int32_t child[PENDING_MOST];
 } Pending;
-
-/* At node 0, the root, or below. */
-INLINE void start_below(Pending *pending, int32_t child)
-{
-    pending->count = 1;
-    pending->near[0] = 0;
-    pending->child[0] = child;
-}
 
 #if BOXES == 8 && !defined(__AVX512VL__)
 /* By a mask of eight, the numbers of those in it, a byte each. */
@@ -303,19 +269,24 @@ INLINE void start_below(Pending *pending, int32_t child)
 static const uint64_t squeezed[256] = {SQUEEZE_64(0), SQUEEZE_64(64), SQUEEZE_64(128), SQUEEZE_64(192)};
 #endif
 
-/* Puts down the children that the ray meets before `limit`, if ordered the nearest last. */
-INLINE void put_children(const TreeNode *node, const Slabs *s, float limit, int ordered, Pending *pending)
+/* What turns an octant into the number of an order, and a place into that from the order's other end; or 0. */
+INLINE int turned_order(Int octant) { return -((int)octant / ORDERS) & (2 * ORDERS - 1); }
+
+/* Puts down the children that a lane's ray meets before `limit`, if ordered the nearest last. */
+INLINE void put_children(
+    const TreeNode *node, const Beams *beams, int lane, float limit, int ordered, Pending *pending)
 {
     int count = pending->count;
 #if BOXES == 8
     BoxPiece near, far;
-    box_range(node, s, limit, 0, &near, &far);
+    box_range(node, beams, lane, limit, 0, &near, &far);
     __m256i child = _mm256_loadu_si256((const __m256i *)node->where.child);
     if (ordered) {
-        const __m256i turn = _mm256_set1_epi32(s->turned ? 7 : 0),
-                      ahead = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-        __m256i order = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)node->order[s->order]));
-        order = _mm256_permutevar8x32_epi32(order, _mm256_xor_si256(ahead, turn));
+        const __m256i ahead = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+        int turned = turned_order(beams->octant[lane]);
+        __m256i order = _mm256_cvtepu8_epi32(
+            _mm_loadl_epi64((const __m128i *)node->order[(int)beams->octant[lane] ^ turned]));
+        order = _mm256_permutevar8x32_epi32(order, _mm256_xor_si256(ahead, _mm256_set1_epi32(turned)));
         child = _mm256_permutevar8x32_epi32(child, order);
         near = (BoxPiece)_mm256_permutevar8x32_ps(near, order);
         far = (BoxPiece)_mm256_permutevar8x32_ps(far, order);
@@ -342,7 +313,7 @@ INLINE void put_children(const TreeNode *node, const Slabs *s, float limit, int 
     float distance[BVH_WIDTH];
     for (int part = 0; part < BVH_WIDTH; part += BOXES) {
         BoxPiece near, far;
-        box_range(node, s, limit, part, &near, &far);
+        box_range(node, beams, lane, limit, part, &near, &far);
         BoxMask in = near <= far;
         met |= box_bits(&in) << part;
         memcpy(distance + part, &near, sizeof near);
@@ -363,18 +334,58 @@ INLINE void put_children(const TreeNode *node, const Slabs *s, float limit, int 
     pending->count = count;
 }
 
-/* The one way through a tree: the next leaf that the ray may meet before t, if ordered about the nearest first; -1, there
-   is none. */
-INLINE int next_leaf(const TreeNode *nodes, const Slabs *s, Num t, int ordered, Pending *pending)
+/* The rays of several lanes on their ways through a tree, a step each in turn: while one waits for what it has asked the
+   memory for, or for its own numbers, the others go on. */
+typedef struct {
+    unsigned inner, leaves; /* the lanes at nodes, and at leaves */
+    int32_t at[LANES]; /* which, as nodes have it */
+    Pending pending[LANES];
+} Ways;
+
+INLINE void arrive(Ways *ways, int lane, int32_t child)
 {
-    const float limit = (float)t * MARGIN;
-    while (pending->count > 0) {
-        int child = pending->child[--pending->count];
-        if (ordered && pending->near[pending->count] > limit)
-            continue;
-        if (child < 0)
-            return -2 - child;
-        put_children(&nodes[child], s, limit, ordered, pending);
+    ways->at[lane] = child;
+    ways->inner |= (unsigned)(child >= 0) << lane;
+    ways->leaves |= (unsigned)(child < -1) << lane;
+}
+
+/* To node 0, the root, or below. */
+INLINE void start_below(Ways *ways, unsigned lanes, int32_t child)
+{
+    ways->inner = ways->leaves = 0;
+    for (; lanes; lanes &= lanes - 1) {
+        int lane = lowest_lane(lanes);
+        Pending *pending = &ways->pending[lane];
+        pending->count = 1;
+        pending->near[0] = -FLT_MAX;
+        pending->child[0] = -1;
+        arrive(ways, lane, child);
     }
-    return -1;
+}
+
+/* A lane's ray goes on to what it has still to look at before t, if ordered; at the end to nothing. */
+INLINE void go_on(Ways *ways, int lane, Num t, int ordered)
+{
+    Pending *pending = &ways->pending[lane];
+    const float limit = (float)t * MARGIN;
+    int count = pending->count - 1;
+    while (ordered && pending->near[count] > limit)
+        count--;
+    pending->count = count;
+    arrive(ways, lane, pending->child[count]);
+}
+
+/* The one way through a tree: a step of each that is at a node, if ordered about to the nearest first. Gives the lanes that
+   were at leaves, -2 - ways->at[lane]: whoever looks at these lets them go on, or not. */
+INLINE unsigned step(const TreeNode *nodes, const Beams *beams, const Real *t, int ordered, Ways *ways)
+{
+    unsigned inner = ways->inner, leaves = ways->leaves;
+    ways->inner = ways->leaves = 0;
+    for (; inner; inner &= inner - 1) {
+        int lane = lowest_lane(inner);
+        put_children(&nodes[ways->at[lane]], beams, lane, (float)LANE(*t, lane) * MARGIN, ordered,
+            &ways->pending[lane]);
+        go_on(ways, lane, LANE(*t, lane), ordered);
+    }
+    return leaves;
 }
