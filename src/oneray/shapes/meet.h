@@ -315,7 +315,7 @@ INLINE Hit nearest_in_tree(
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
         for (; leaves; leaves &= leaves - 1)
-            go_on(&ways, lowest_lane(leaves), LANE(hit.t, lowest_lane(leaves)), 1);
+            to_next(&ways, lowest_lane(leaves), LANE(hit.t, lowest_lane(leaves)), 1);
     }
     return hit;
 }
@@ -354,7 +354,7 @@ INLINE Mask blocked_in_tree(
                                : slot_blocks(shapes, slot, ray, target, f));
         }
         for (leaves &= ~mask_bits(blocked); leaves; leaves &= leaves - 1)
-            go_on(&ways, lowest_lane(leaves), 0, 0);
+            to_next(&ways, lowest_lane(leaves), 0, 0);
     }
     return blocked;
 }

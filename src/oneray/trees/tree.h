@@ -342,7 +342,7 @@ typedef struct {
     Pending pending[LANES];
 } Ways;
 
-INLINE void arrive(Ways *ways, int lane, int32_t child)
+INLINE void to_child(Ways *ways, int lane, int32_t child)
 {
     ways->at[lane] = child;
     ways->inner |= (unsigned)(child >= 0) << lane;
@@ -359,12 +359,12 @@ INLINE void start_below(Ways *ways, unsigned lanes, int32_t child)
         pending->count = 1;
         pending->near[0] = -FLT_MAX;
         pending->child[0] = -1;
-        arrive(ways, lane, child);
+        to_child(ways, lane, child);
     }
 }
 
 /* A lane's ray goes on to what it has still to look at before t, if ordered; at the end to nothing. */
-INLINE void go_on(Ways *ways, int lane, Num t, int ordered)
+INLINE void to_next(Ways *ways, int lane, Num t, int ordered)
 {
     Pending *pending = &ways->pending[lane];
     const float limit = (float)t * MARGIN;
@@ -372,7 +372,7 @@ INLINE void go_on(Ways *ways, int lane, Num t, int ordered)
     while (ordered && pending->near[count] > limit)
         count--;
     pending->count = count;
-    arrive(ways, lane, pending->child[count]);
+    to_child(ways, lane, pending->child[count]);
 }
 
 /* The one way through a tree: a step of each that is at a node, if ordered about to the nearest first. Gives the lanes that
@@ -385,7 +385,7 @@ INLINE unsigned step(const TreeNode *nodes, const Beams *beams, const Real *t, i
         int lane = lowest_lane(inner);
         put_children(&nodes[ways->at[lane]], beams, lane, (float)LANE(*t, lane) * MARGIN, ordered,
             &ways->pending[lane]);
-        go_on(ways, lane, LANE(*t, lane), ordered);
+        to_next(ways, lane, LANE(*t, lane), ordered);
     }
     return leaves;
 }
