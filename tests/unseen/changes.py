@@ -237,7 +237,7 @@ MIS = of("estimators/mis.h", [
 EMISSION = of("estimators/emission.h", [
     ("lamps-two-sided", "shines &= front & path->alive;", "shines &= path->alive;", "area-light walk-cosine",
      "lamps shine from their backs", "the lamps' backs seen, light from them"),
-    ("lamps-cosine", "light_scale(met.emission, weight)", "light_scale(met.emission, weight * s->cos_face)",
+    ("lamps-cosine", "light_scale(emission, weight)", "light_scale(emission, weight * s->cos_face)",
      "spherical-light walk-cosine", "emission times the cosine", "emission and direct x cos at the lamp"),
     ("sky-hidden", "Mask missed = (hit.slot < 0) & path->alive;",
      "Mask missed = (hit.slot < 0) & path->alive & (path->depth > index_of(0));", "open-sky mis-power",

@@ -38,7 +38,9 @@ INLINE Light surface_emission_met(
 {
     const Emitters *emitters = &scene->emitters;
     LightMet met = light_met(path, scene, hit, s, front, f);
-    if (!any(met.shines))
+    Light emission = met.emission;
+    Mask shines = met.shines;
+    if (!any(shines))
         return light_all(real(0));
     Index i = met.i;
     Real weight = weight_of_hit(path, inverse_pdf_w_light(path, scene, met.shines, i, hit.t, s->cos_face, f), f);
@@ -46,7 +48,7 @@ INLINE Light surface_emission_met(
         Receiver at = last_receiver(path);
         weight = select(is_itself(emitters, i, &at, f), real(1), weight);
     }
-    return light_only(met.shines, light_scale(met.emission, weight));
+    return light_only(shines, light_scale(emission, weight));
 }
 
 /* Light that the ray meets where it leaves the scene. */
