@@ -51,14 +51,16 @@ DETECTABLE = 0.01
 KINDS = ("materials", "textures", "environment", "media", "missing files", "other plugins", "other")
 TAGS = {"bsdf": "materials", "texture": "textures", "medium": "media", "volume": "media", "phase": "media"}
 LACKED = re.compile(
-    r"<(shape|emitter|integrator|sensor|film|rfilter|subsurface|spectrum)\b[^>]*> (is not supported|needs|weighs)"
+    r"<(shape|emitter|integrator|sensor|film|rfilter|subsurface|spectrum)\b[^>]*> "
+    r"(is not supported|needs|weighs)"
     r"|<scene> needs a <sensor|<ref [^>]*>: that is a <shape>"
 )
-"""That one of the other plugins of Mitsuba does not exist here: instances, polarisation, meters, negative filters."""
+"""One of the other plugins of Mitsuba is not here."""
 RULE = """\
-Whole scenes (a sensor and a shape, included files counted) whose files are all there, well formed, of plugins and
-properties that Mitsuba 0.6, 2 or 3 has; of version 2 on, those that Mitsuba 3.9.1 loads; of equal ones one; of a repository
-the first 25 by path. Of the repositories that were looked at, 318 more are whole but lack meshes or textures."""
+Whole scenes (a sensor and a shape, included files counted) whose files are all there, well formed, of plugins
+and properties that Mitsuba 0.6, 2 or 3 has; of version 2 on, those that Mitsuba 3.9.1 loads; of equal ones one;
+of a repository the first 25 by path. Of the repositories that were looked at, 318 more are whole but lack
+meshes or textures."""
 """What stands in references/public_scenes.tsv."""
 MITSUBAS = ("path", "direct", "volpath", "volpathmis", "prb", "prbvolpath")
 """Integrators that it has, whose properties it knows."""
