@@ -57,10 +57,10 @@ LACKED = re.compile(
 )
 """One of the other plugins of Mitsuba is not here."""
 RULE = """\
-Whole scenes (a sensor and a shape, included files counted) whose files are all there, well formed, of plugins
-and properties that Mitsuba 0.6, 2 or 3 has; of version 2 on, those that Mitsuba 3.9.1 loads; of equal ones one;
-of a repository the first 25 by path. Of the repositories that were looked at, 318 more are whole but lack
-meshes or textures."""
+Whole scenes (a sensor and a shape, included files counted) whose files are all there, well formed, of
+plugins and properties that Mitsuba 0.6, 2 or 3 has; of version 2 on, those that Mitsuba 3.9.1 loads; of equal
+ones one; of a repository the first 25 by path. Of the repositories that were looked at, 318 more are whole,
+but lack meshes or textures."""
 """What stands in references/public_scenes.tsv."""
 MITSUBAS = ("path", "direct", "volpath", "volpathmis", "prb", "prbvolpath")
 """Integrators that it has, whose properties it knows."""
