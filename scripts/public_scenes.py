@@ -272,6 +272,8 @@ def main() -> int:
         elif not result["errors"] and not options.check:
             try:
                 result |= judge(path, variant, options.seconds)
+            except subprocess.TimeoutExpired:
+                result |= {"verdict": "UNDECIDED", "reason": f"no picture in {options.seconds:.0f} s"}
             except (PlainError, subprocess.SubprocessError, OSError, ValueError) as error:
                 result |= {"verdict": "UNDECIDED", "reason": str(error)[:300]}
         results.append(result)
