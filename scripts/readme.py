@@ -16,6 +16,7 @@ from typing import Any
 
 import mutate_harness
 import numpy as np
+import public_scenes
 import size
 
 from raycheck.base.errors import NotFound
@@ -53,6 +54,11 @@ def _benchmark(words: Sequence[str]) -> str:
 
 def _size(words: Sequence[str]) -> str:
     return size.markdown(json.loads((REFERENCES / "size.json").read_text(encoding="utf-8")))
+
+
+def _public(words: Sequence[str]) -> str:
+    results = json.loads((REFERENCES / "public_scenes.json").read_text(encoding="utf-8"))["files"]
+    return public_scenes.markdown(results)
 
 
 def _verification(words: Sequence[str]) -> str:
@@ -99,6 +105,7 @@ TABLES: dict[str, Callable[[Sequence[str]], str]] = {
     "benchmark": _benchmark,
     "verification": _verification,
     "size": _size,
+    "public": _public,
 }
 WANTED_IMAGE = 0.003
 PLACE = re.compile(rf"(<!-- ({'|'.join(TABLES)})(?:: (.*?))? -->).*?(<!-- /\2 -->)", re.DOTALL)

@@ -25,8 +25,15 @@ WRONG = {
     "environment": '<emitter type="sunsky"/>',
     "media": '<medium type="homogeneous" id="fog"/><shape type="cube"><ref id="fog"/></shape>',
     "missing files": '<shape type="obj"><string name="filename" value="gone.obj"/></shape>',
-    "other": '<shape type="teapot"/>',
+    "other plugins": '<shape type="teapot"/>',
+    "other": '<shape type="sphere"><float name="mass" value="1"/></shape>',
 }
+PLUGINS = [
+    '<shape type="shapegroup" id="group"/>\n<shape type="disk"><ref id="group"/></shape>',
+    '<shape type="disk"><sensor type="irradiancemeter"/></shape>',
+    '<shape type="sphere"><subsurface type="dipole"/></shape>',
+    '<emitter type="projector"/>',
+]
 
 
 def run(folder: Path, files: dict[str, str], *options: str, **environment: str) -> tuple[int, list, str]:
@@ -62,10 +69,16 @@ def test_errors_by_kind(tmp_path: Path) -> None:
     assert [list(one["errors"]) for one in found] == [[], *([kind] for kind in WRONG)]
     assert [len(one["other"]) for one in found] == [0] * len(WRONG) + [1]
     assert [one["warnings"] for one in found] == [1] * len(found)
-    for row in ("files | 7", "rendered as they are | 1", "missing files alone | 5"):
+    for row in ("files | 8", "rendered as they are | 1", "missing files alone | 5", "plugins alone | 6"):
         assert f"| {row} |" in printed.replace(
             "with errors, but of materials, textures, environment, media and ", ""
-        )
+        ).replace("with errors, but of these and other ", "")
+
+
+@pytest.mark.usefixtures("oneray")
+def test_plugins_that_do_not_exist_here(tmp_path: Path) -> None:
+    _, found, _ = run(tmp_path, {f"{k}.xml": BALL + SKY + one for k, one in enumerate(PLUGINS)}, "--check")
+    assert [list(one["errors"]) for one in found] == [["other plugins"]] * len(PLUGINS)
 
 
 def test_pictures_are_judged_against_mitsuba(oneray: Path, tmp_path: Path) -> None:

@@ -545,7 +545,7 @@ SENSOR = '<float name="fov" value="40"/>'
          '"principal_point_offset_x" must be in [-100,100]'),
         (BASE.replace("<rfilter", '<integer name="crop_width" value="4000"/><rfilter'), 6, "the crop window"),
         (BASE.replace("box", "mitchell"), 7, "mitchell"),
-        (BASE.replace("<rfilter", '<string name="pixel_format" value="luminance"/><rfilter'), 7, "luminance"),
+        (BASE.replace("<rfilter", '<string name="pixel_format" value="bgr"/><rfilter'), 7, "bgr"),
         (BASE.replace('type="path"', 'type="aov"'), 2, "aov"),
         (BASE.replace("<!-- here -->", '<shape type="rectangle"><emitter type="area">'
          '<float name="radiance" value="0"/></emitter></shape>')

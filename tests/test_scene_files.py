@@ -142,7 +142,9 @@ WITHOUT_EFFECT = {
     "film": [
         '<string name="file_format" value="openexr"/>', '<boolean name="banner" value="false"/>',
         '<string name="component_format" value="float16"/>', '<boolean name="compensate" value="true"/>',
-        '<string name="pixel_format" value="rgba"/>',
+        '<string name="pixel_format" value="rgba"/>', '<string name="pixel_format" value="xyz"/>',
+        '<string name="pixel_format" value="luminance_alpha"/>',
+        '<string name="component_format" value="uint32"/>',
     ],
     "sampler": ['<integer name="seed" value="7"/>'],
     "integrator": [
@@ -170,7 +172,24 @@ def test_what_has_no_effect_is_left_out_with_a_line(
     mi.load_string(put_into(tag, inner))
     [line] = same(oneray, tmp_path, put_into(tag, inner))
     name, value = inner.split('"')[1], inner.split('"')[3]
-    assert line.endswith(f'"{name}" = "{value}" is left out: it changes no mean of a pixel')
+    written = {"component_format": "float32", "pixel_format": "rgb"}.get(name)
+    reason = f"pictures are written as {written}" if written else "it changes no mean of a pixel"
+    assert line.endswith(f'"{name}" = "{value}" is left out: {reason}')
+
+
+@pytest.mark.parametrize("text", ["a sphere", "two\nlines of it", "\u200b", "<![CDATA[<shape/>]]>"])
+def test_text_between_elements_is_left_out_with_a_line(oneray: Path, tmp_path: Path, text: str) -> None:
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    with_text = PLAIN.replace("</scene>", f"\n{text}</scene>")
+    mi.load_string(with_text)
+    [line] = same(oneray, tmp_path, with_text)
+    assert line.endswith(": text between the elements is left out, as by Mitsuba: values stand in attributes")
+    there, here = (put_into("sampler", f"<integer>{one}</integer>") for one in ("", "7"))
+    for one, lines in ((there, 1), (here, 2)):
+        path = write(tmp_path, one)
+        done = subprocess.run([oneray, path, "--check"], capture_output=True, text=True, check=False)
+        assert done.returncode == 2 and done.stderr.count("\n") == lines, done.stderr
 
 
 @pytest.mark.parametrize("kind", ["stratified", "multijitter", "orthogonal", "ldsampler", "halton", "sobol"])
@@ -201,6 +220,8 @@ OTHERS = {
     "bdpt": ('<boolean name="lightImage" value="true"/>', "has the same mean"),
     "mlt": ('<integer name="directSamples" value="16"/>', "has the same mean"),
     "pssmlt": ('<float name="pLarge" value="0.3"/>', "has the same mean"),
+    "volpath_simple": ("", "has the same mean"),
+    "ptracer": ('<boolean name="bruteForce" value="true"/>', "and what mirrors and glass show besides"),
     "erpt": ('<float name="numChains" value="1"/>', "has the same mean"),
     "photonmap": ('<integer name="globalPhotons" value="250000"/>', "whose mean its pictures approach"),
     "sppm": ('<string name="lookup" value="kd"/>', "whose mean its pictures approach"),

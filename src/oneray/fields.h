@@ -32,8 +32,8 @@ typedef struct {
     const char *otherwise; /* what holds where the file says nothing: a value as in a file; "" is 0; NULL: it must say */
 } Field; /* a table ends with a row of zeros */
 
-/* Values that need no place. Of a word NOWHERE, others than the first make no other picture; of what is LEFT_OUT no
-   value does. A warning says so. */
+/* Values that need no place. Instead of a word NOWHERE what holds without it is done; of what is LEFT_OUT no value
+   makes another picture. A warning says so. */
 #define NOWHERE ((size_t)-1)
 #define LEFT_OUT ((size_t)-2)
 

@@ -537,6 +537,9 @@ static void path_check(void *plugin, Said *said)
         fail(given(said, "max_depth"), "\"max_depth\" 0 is a black image: -1 is without limit, 1 emission only");
     if (find_word("photonmap, ppm, sppm", said->type) >= 0)
         note(said, "<integrator type=\"%s\"> is rendered as path, whose mean its pictures approach", said->type);
+    else if (strcmp(said->type, "ptracer") == 0)
+        note(said, "<integrator type=\"ptracer\"> is rendered as path, which has the same mean, and what mirrors and "
+             "glass show besides");
     else if (strcmp(said->type, "path") != 0)
         note(said, "<integrator type=\"%s\"> is rendered as path, which has the same mean", said->type);
 }
@@ -566,7 +569,8 @@ static const Plugin path = {"path, volpath, volpathmis, prb, prbvolpath", path_c
     {"strict_normals", AS_BOOLEAN, offsetof(Description, strict_normals), NULL, "false"},
     SAMPLING_FIELDS}};
 /* Their own properties say how the same integral is estimated. */
-static const Plugin other_paths = {"bdpt, erpt, mlt, pssmlt, photonmap, ppm, sppm, prb_basic, prb_projective, prb_reparam",
+static const Plugin other_paths = {
+    "bdpt, erpt, mlt, pssmlt, photonmap, ppm, sppm, ptracer, volpath_simple, prb_basic, prb_projective, prb_reparam",
     path_check, {
     {"max_depth", AS_INTEGER, offsetof(Description, max_depth), "[-1,999999]", "-1"},
     {"rr_depth", AS_INTEGER, offsetof(Description, rr_depth), "[1,2147483647]", "5"},
@@ -595,8 +599,8 @@ static const Plugin hdrfilm = {"hdrfilm, ldrfilm", NULL, {
     {"crop_offset_y", AS_INTEGER, offsetof(Frame, y), "[0,65535]", "0"},
     {"crop_width", AS_INTEGER, offsetof(Frame, width), "[1,65536]", ""},
     {"crop_height", AS_INTEGER, offsetof(Frame, height), "[1,65536]", ""},
-    {"pixel_format", AS_WORD, NOWHERE, "rgb, rgba", "rgb"},
-    {"component_format", AS_WORD, NOWHERE, "float32, float16", "float32"},
+    {"pixel_format", AS_WORD, NOWHERE, "rgb, rgba, luminance, luminance_alpha, xyz, xyza", "rgb"},
+    {"component_format", AS_WORD, NOWHERE, "float32, float16, uint32", "float32"},
     {"file_format", AS_STRING, LEFT_OUT, NULL, ""},
     {"banner", AS_BOOLEAN, LEFT_OUT, NULL, "false"},
     {"compensate", AS_BOOLEAN, LEFT_OUT, NULL, "false"},

@@ -468,9 +468,11 @@ static void read_value(const Node *node, const Field *field, const char *text, v
         check_range(node, field, *(int *)to);
     for (int i = 0; field->range && i < kinds[field->kind].numbers; i++)
         check_range(node, field, ((double *)to)[i]);
-    bool left_out = field->offset == LEFT_OUT || (field->offset == NOWHERE && *(int *)to != 0);
-    if (left_out && attribute(node, "name"))
+    if (field->offset == LEFT_OUT && attribute(node, "name"))
         note(node, "\"%s\" = \"%.80s\" is left out: it changes no mean of a pixel", attribute(node, "name"), text);
+    if (field->offset == NOWHERE && *(int *)to != 0)
+        note(node, "\"%s\" = \"%.80s\" is left out: pictures are written as %s", attribute(node, "name"), text,
+             field->otherwise);
 }
 
 static void read_default(const Node *node, const Field *field, void *plugin)

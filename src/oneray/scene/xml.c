@@ -86,6 +86,7 @@ typedef struct {
     Parameter parameters[MAX_DEFAULTS];           /* first those of the command line, by name */
     int parameter_count;
     size_t expanded;                              /* bytes of all values, $parameters replaced */
+    bool in_text;                                 /* which comes in pieces, and has been warned of */
 } Reader;
 
 static int line_of(const Reader *reader) { return (int)XML_GetCurrentLineNumber(reader->in.parser); }
@@ -359,6 +360,7 @@ static void XMLCALL on_start(void *data, const char *tag, const char **attribute
 {
     Reader *reader = data;
     size_t count = 0;
+    reader->in_text = false;
     while (attributes[count])
         count++;
     Node *node = new_node(reader->in.file, line_of(reader), tag, reader->open, count + 2);
@@ -381,6 +383,7 @@ static void XMLCALL on_start(void *data, const char *tag, const char **attribute
 static void XMLCALL on_end(void *data, const char *tag)
 {
     Reader *reader = data;
+    reader->in_text = false;
     if (!is_included_scene(reader, tag)) {
         Node *node = reader->open;
         reader->open = node->parent;
@@ -399,9 +402,12 @@ static void XMLCALL on_end(void *data, const char *tag)
 static void XMLCALL on_text(void *data, const char *text, int length)
 {
     Reader *reader = data;
-    for (int i = 0; i < length; i++)
-        if (!strchr(" \t\r\n", text[i]))
-            die_at(reader->in.file, line_of(reader), "text between the elements: values stand in attributes");
+    for (int i = 0; i < length && !reader->in_text; i++) {
+        reader->in_text = !strchr(" \t\r\n", text[i]);
+        if (reader->in_text)
+            warn_at(reader->in.file, line_of(reader), "text between the elements is left out, as by Mitsuba: values "
+                    "stand in attributes");
+    }
 }
 
 static void XMLCALL on_doctype(void *data, const char *name, const char *system, const char *public,
