@@ -188,11 +188,17 @@ def off(data: dict[str, Any], picture: Image) -> float:
 
 IN_ONE_PLACE = {"one-place", "many-in-one-place"}
 """Scenes of tests/odd whose surfaces lie in one place: which is met first is not in the data."""
+BY_CHANCE = ROOT / "scenes/stiff/rough-boundary.xml"
+"""Its light comes from one direction, through rough glass, which the tests' tracer passes by chance alone."""
 
 
 @pytest.mark.parametrize(
     "scene",
-    [file for file in FILES if file.parent.name != "odd" or file.stem not in IN_ONE_PLACE],
+    [
+        file
+        for file in FILES
+        if (file.parent.name != "odd" or file.stem not in IN_ONE_PLACE) and file != BY_CHANCE
+    ],
     ids=lambda path: path.stem,
 )
 def test_every_scene_is_exported_as_oneray_renders_it(oneray: Path, scene: Path, tmp_path: Path) -> None:
