@@ -327,6 +327,28 @@ def test_directions_follow_their_density(driver: Driver, alpha: float, cosine: f
         assert chi_squared(np.append(counts, n - up.sum()), np.append(wrong, 1e-9)) < LEVEL  # it can fail
 
 
+@pytest.mark.parametrize("cosine", [1.0, 0.5, 0.02])
+@pytest.mark.parametrize("pair", [(0.15, 0.15), (0.5, 0.5), (1.0, 1.0), *PAIRS], ids=str)
+def test_visible_mirrors_are_all_there_is_to_see(
+    driver: Driver, pair: tuple[float, float], cosine: float
+) -> None:
+    """Weak furnace: ∫ D G1(θo)/(4 cosθo) dω is 1 over all directions, those below the surface as well."""
+    x, w = np.polynomial.legendre.leggauss(400)
+    t, turn = (grid.ravel() for grid in np.meshgrid((x + 1) / 2, np.pi * (x + 1), indexing="ij"))
+    weight = np.outer(w / 2, np.pi * w).ravel()
+    tangent = np.sqrt(1 / (1 - t) ** 2 - 1)  # of a slope shrunk by α; tanθ dtanθ = dt/(1 − t)³
+    m = np.stack([pair[0] * tangent * np.cos(turn), pair[1] * tangent * np.sin(turn), np.ones_like(t)])
+    m /= np.linalg.norm(m, axis=0)
+    wo = np.array([[0.8], [0.6], [0]]) * np.sqrt(1 - cosine**2) + [[0], [0], [cosine]]
+    seen = (wo * m).sum(axis=0)
+    there, size = 2 * seen * m - wo, 4 * np.abs(seen) * m[2] ** 3 * pair[0] * pair[1] / (1 - t) ** 3
+    _, pdf, _ = evaluated(driver, anisotropic(pair), np.broadcast_to(wo, there.shape), there)
+    mass = (pdf * size * weight)[seen > 0]
+    assert mass.sum() == pytest.approx(1, abs=2e-3)
+    lost = mass[there[2, seen > 0] < 0].sum()
+    assert lost > (0.15 if pair == (0.5, 0.5) and cosine == 1 else 1e-6)
+
+
 def visible(alpha: float, wo: Array, m: Array) -> Array:
     """D G1(θo) / (4 cosθo), sr⁻¹, of directions below the surface as well."""
     d = alpha**2 / (np.pi * (m[2] ** 2 * (alpha**2 - 1) + 1) ** 2)
