@@ -3,7 +3,16 @@ hold. Each module has those of one subject, with their closed forms and settings
 """
 
 from raycheck.measuring.stability import (
-    angles, bounces, choices, facets, gaps, narrow, places, scales, spheres, sums,
+    angles,
+    bounces,
+    choices,
+    facets,
+    gaps,
+    narrow,
+    places,
+    scales,
+    spheres,
+    sums,
 )  # fmt: skip
 from raycheck.measuring.stability.case import Case
 

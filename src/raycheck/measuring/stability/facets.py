@@ -1,8 +1,8 @@
 """Microfacets ever smoother, seen ever more along the surface, between media ever more alike; a sky with one
 bright pixel.
 
-Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007: a parallel light from where a
-facet aside of the normal sends it to the viewer.
+Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007: a parallel light from where
+a facet aside of the normal sends it to the viewer.
 """
 
 import math
@@ -76,13 +76,14 @@ def _refracted(p: Parsed) -> Truth:
 
 
 def _sky(p: Parsed) -> Truth:
-    """ρ/π ∫ L cosθ dω of the sky that is bilinear in longitude and latitude: each pixel has a tent of weights,
-    of which one row's is the same all around.
+    """ρ/π ∫ L cosθ dω of the sky that is bilinear in longitude and latitude: each pixel has a tent of
+    weights, of which one row's is the same all around.
     """
     step = mp.pi / (ROWS - 1)
 
     def weight(row: int) -> mpf:
         """∫ of its tent, to all sides, cosθ sinθ dθ above the horizon, which is a row."""
+
         def tent(t: mpf) -> mpf:
             return (1 - abs(t / step - row)) * mpmath.sin(t) * mpmath.cos(t)
 
@@ -97,7 +98,7 @@ def _sky(p: Parsed) -> Truth:
 
 
 def _towards(wo: Vector, h: Vector, eta: mpf | None = None) -> Vector:
-    """Where light comes from that a facet h reflects to wo, or refracts from a medium of index η below."""
+    """Where light comes from that a facet h reflects to wo, or refracts from a medium of index `eta`."""
     o = _dot(wo, h)
     if eta is None:
         return [2 * o * a - b for a, b in zip(h, wo, strict=True)]
@@ -146,8 +147,8 @@ CASES = (
     Case(
         "smooth-metal", "Ever smoother metal", "α", (1.0, 0.1, 0.01, 1e-3, 3e-4, 1e-4, 1e-5), 1e-4, 1e-4,
         _smooth, _conductor, scene="rough-highlight",
-        wrong="A facet's slope from the cosine of a unit half vector, √(1 − cos²), keeps no digits where slopes "
-        "are 1e-4: 1 − cos² is 1e-8.",
+        wrong="A facet's slope from the cosine of a unit half vector, √(1 − cos²), keeps no digits where "
+        "slopes are 1e-4: 1 − cos² is 1e-8.",
         instead="The half vector's parts along the normal and across, which is sampled and weighed without "
         "being normalised. Below 1e-4 α is 1e-4, as in Mitsuba.",
     ),
@@ -167,16 +168,16 @@ CASES = (
     Case(
         "media-alike", "Rough glass in a medium of nearly its index", "η − 1", decades(0, -12), 1e-10, 1e-4,
         _alike, _refracted, scene="rough-boundary",
-        wrong="The half vector η_o wo + η_i wi is a difference that goes to 0 with η − 1: single floats have no "
-        "digit of it from 1e-6 on, and its length to the fourth is divided by.",
+        wrong="The half vector η_o wo + η_i wi is a difference that goes to 0 with η − 1: single floats have "
+        "no digit of it from 1e-6 on, and its length to the fourth is divided by.",
         instead="Double, which --precision auto takes where an index is within 1e-3 of 1.",
     ),
     Case(
         "bright-pixel", "One bright pixel of a sky beside black ones", "its radiance",
         tuple(2.0**k for k in (0, 10, 20, 30, 40)), 2.0**40, 1e-2,
         _bright, _sky,
-        wrong="A density that is constant in each pixel is 0 in the black ones, where what is between them and "
-        "the bright one is not.",
+        wrong="A density that is constant in each pixel is 0 in the black ones, where what is between them "
+        "and the bright one is not.",
         instead="Directions by the very function that is looked up, bilinear between pixels, times sinθ.",
     ),
 )  # fmt: skip
