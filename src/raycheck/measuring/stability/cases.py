@@ -13,7 +13,7 @@ from raycheck.measuring.stability import (
     scales,
     spheres,
     sums,
-)  # fmt: skip
+)
 from raycheck.measuring.stability.case import Case
 
 CASES: tuple[Case, ...] = (

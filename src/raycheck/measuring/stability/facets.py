@@ -98,7 +98,7 @@ def _sky(p: Parsed) -> Truth:
 
 
 def _towards(wo: Vector, h: Vector, eta: mpf | None = None) -> Vector:
-    """Where light comes from that a facet h reflects to wo, or refracts from a medium of index `eta`."""
+    """Where light comes from that a facet h reflects to wo, or refracts from a medium of index η."""
     o = _dot(wo, h)
     if eta is None:
         return [2 * o * a - b for a, b in zip(h, wo, strict=True)]
@@ -109,7 +109,7 @@ def _towards(wo: Vector, h: Vector, eta: mpf | None = None) -> Vector:
 def _seen(
     eye: Sequence[float], slope: float, fov: float, index: float | None = None, **rest: object
 ) -> list[Settings]:
-    """By a facet of this slope, turned aside of the plane of the viewer; from a medium of this index below."""
+    """By a facet of this slope, turned aside of the plane of the viewer; from a medium of `index` below."""
     with mp.workdps(DIGITS):
         wo = _unit([mpf(x) for x in eye])
         h = _unit([mpf(slope) * mpf("0.28"), mpf(slope) * mpf("0.96"), mpf(1)])
