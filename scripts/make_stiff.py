@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Writes what is too long to write by hand of scenes/stiff: decades.xml, a thousand lights over many decades,
-and meshes/strips.ply, parallel strips of triangles.
+meshes/strips.ply, parallel strips of triangles, and pictures/sun-K.hdr, skies with one bright pixel of 2^K.
 
     python scripts/make_stiff.py [FOLDER]
 
@@ -13,6 +13,7 @@ from pathlib import Path
 from scene_text import sensor
 
 STRIPS = 64
+SUNS = (0, 10, 20, 30, 40)
 GROUPS, LIGHTS = 25, 40
 """Lights of a group are of one intensity; the last light of the last group is the one that may be seen."""
 
@@ -96,11 +97,31 @@ end_header
     return head + "\n".join([*vertices, *triangles]) + "\n"
 
 
+def sky(exponent: int) -> bytes:
+    """16 × 9 pixels of 1, of which a square of nine is black but for its middle."""
+    one, black = bytes((128, 128, 128, 129)), bytes(4)
+    pixels = [[one] * 16 for _ in range(9)]
+    for row in (1, 2, 3):
+        pixels[row][4:7] = [black] * 3
+    pixels[2][5] = one[:3] + bytes((129 + exponent,))
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 9 +X 16\n"
+    return head + b"".join(_packed(row) for row in pixels)
+
+
+def _packed(row: list[bytes]) -> bytes:
+    """A line of RGBE in runs, of one byte each."""
+    planes = bytes(pixel[channel] for channel in range(4) for pixel in row)
+    return bytes((2, 2, 0, len(row))) + b"".join(bytes((129, byte)) for byte in planes)
+
+
 def main() -> None:
     default = Path(__file__).resolve().parent.parent / "scenes" / "stiff"
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
     (folder / "meshes").mkdir(parents=True, exist_ok=True)
     (folder / "decades.xml").write_text(decades(), encoding="utf-8", newline="\n")
+    (folder / "pictures").mkdir(exist_ok=True)
+    for exponent in SUNS:
+        (folder / "pictures" / f"sun-{exponent}.hdr").write_bytes(sky(exponent))
     (folder / "meshes" / "strips.ply").write_text(strips(), encoding="utf-8", newline="\n")
 
 

@@ -29,7 +29,9 @@ from scipy import stats
 SKIES = {"environment", "open-sky", "textured-room"}
 UNSEEN = SKIES | {"point-light", "sun-and-spot", "metal", "glass-pane", "mirror-corridor"}
 """There no ray comes to a light from what the camera sees, but by a mirror, glass or out of the scene."""
-SCENES = [file for file in sorted((ROOT / "scenes").glob("*.xml")) if file.stem not in UNSEEN]
+TURNED = {"bump"}
+"""There light is sampled that the surface sees, but not the bump on it, which no material sends any to."""
+SCENES = [file for file in sorted((ROOT / "scenes").glob("*.xml")) if file.stem not in UNSEEN | TURNED]
 BY_LIGHT = (("uniform", "area"), ("power", "facing"), ("contribution", "cone"))
 """How a light is chosen, and how a point of it."""
 SAMPLES = 10_000

@@ -135,6 +135,25 @@ def test_the_light_on_a_floor(driver: Driver, tmp_path: Path, height: int) -> No
     assert (np.abs(light.mean(axis=1) - truth) < 5 * error).all() and (error < 3e-3 * truth).all()
 
 
+@pytest.mark.parametrize("height", [3, 9, 65])
+def test_a_sky_that_is_the_cosine(driver: Driver, tmp_path: Path, height: int) -> None:
+    """Rows of 3 max(0, cosθ), linear between them: 2π ∫ L cosθ sinθ dθ of a floor, which goes to 2π."""
+    rows, step = 3 * np.maximum(np.cos(np.linspace(0, np.pi, height)), 0), np.pi / (height - 1)
+    save(tmp_path / "sky.exr", np.broadcast_to(rows[:, None, None], (height, 2 * height, 3)))
+    a = step * np.arange(height // 2)
+    x, w = np.polynomial.legendre.leggauss(8)
+    t = a[:, None] + step * (x + 1) / 2
+    between = np.interp(t, step * np.arange(height), rows)
+    truth = 2 * np.pi * (w * step / 2 * between * np.sin(t) * np.cos(t)).sum()
+    assert truth == pytest.approx(2 * np.pi, rel=1.1 * step**2 / 8 + 1e-6)
+    up = np.array([[0.0], [1], [0]])
+    with driver.scene(emitter(tmp_path / "sky.exr")) as scene:
+        found = driver("light_sample", np.zeros((3, 1)), up, -1, 0, uniforms(400_000, 5), scene=scene)
+    light = found[4] * np.maximum(found[1], 0)
+    error = light.std() / np.sqrt(light.size)
+    assert abs(light.mean() - truth) < 5 * error < 5e-3 * truth
+
+
 BALL = (
     '<shape type="sphere"><bsdf type="diffuse"/></shape><shape type="rectangle"><transform name="to_world">'
     '<scale value="3"/><rotate x="1" angle="-90"/><translate y="-1"/></transform></shape>'

@@ -14,7 +14,7 @@ import sys
 import numpy as np
 import pytest
 from building import ROOT
-from floors import Sampled, above, evaluated, polar
+from floors import Sampled, above, evaluated, mitsubas, polar
 from sampling import LEVEL, Array, Driver, chi_squared, directions, uniforms
 
 from raycheck.scene.materials import METALS, Material
@@ -104,6 +104,33 @@ def test_anisotropic_eval_pdf_and_sample_are_mitsubas(driver: Driver, pair: tupl
     kept = np.flatnonzero(up) % 2 == 0
     assert kept.any()
     np.testing.assert_allclose(factor[:, kept], (np.array(found).T / np.array(density))[:, kept], rtol=2e-4)
+
+
+BOARD = (
+    '<texture type="checkerboard" name="{}"><rgb name="color0" value="0.9, 0.2, 0.4"/>'
+    '<float name="color1" value="{}"/></texture>'
+)
+
+
+@pytest.mark.parametrize("kind", ["roughconductor", "roughdielectric"])
+@pytest.mark.parametrize("names", [("alpha",), ("alpha_u",), ("alpha_u", "alpha_v")], ids="-".join)
+@pytest.mark.parametrize("value", [0.3, 0.0])
+def test_a_texture_may_stand_for_the_roughness_as_in_mitsuba(
+    driver: Driver, kind: str, names: tuple[str, ...], value: float
+) -> None:
+    """A checkerboard's colours are the other way round than as a reflectance's; 0 is the floor."""
+    boards = "".join(BOARD.format(name, value + i / 4) for i, name in enumerate(names))
+    rest = '<float name="alpha_v" value="0.2"/>' if names == ("alpha_u",) else ""
+    said = f'<bsdf type="{kind}"><string name="distribution" value="ggx"/>{boards}{rest}</bsdf>'
+    wo, wi = above(200, 1), above(200, 2)
+    wi[:, ::2] = Sampled(driver, said, wo, uniforms(200, 3, 4)).wi[:, ::2]
+    f, pdf, _ = evaluated(driver, said, wo, wi)
+    theirs = mitsubas(said, wo, wi)  # at u = v = 0
+    tame = (np.abs(wi[2]) > 1e-2) & (wo[2] > 1e-2)
+    assert pdf[tame].max() > 0.1
+    for mine, other in ((f * np.abs(wi[2]), theirs[0]), (pdf, theirs[1])):
+        wrong = (np.abs(mine - other) / (other + 1e-3))[..., tame]
+        assert np.quantile(wrong, 0.9) < (1e-4 if value else 3e-3), np.quantile(wrong, [0.5, 0.9])
 
 
 TURNED = '<rotate x="0.6" y="0.8" angle="40"/>'
@@ -298,6 +325,28 @@ def test_directions_follow_their_density(driver: Driver, alpha: float, cosine: f
     if lost > 1000:
         wrong = expected * n / expected.sum()
         assert chi_squared(np.append(counts, n - up.sum()), np.append(wrong, 1e-9)) < LEVEL  # it can fail
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.5, 0.02])
+@pytest.mark.parametrize("pair", [(0.15, 0.15), (0.5, 0.5), (1.0, 1.0), *PAIRS], ids=str)
+def test_visible_mirrors_are_all_there_is_to_see(
+    driver: Driver, pair: tuple[float, float], cosine: float
+) -> None:
+    """Weak furnace: ∫ D G1(θo)/(4 cosθo) dω is 1 over all directions, those below the surface as well."""
+    x, w = np.polynomial.legendre.leggauss(400)
+    t, turn = (grid.ravel() for grid in np.meshgrid((x + 1) / 2, np.pi * (x + 1), indexing="ij"))
+    weight = np.outer(w / 2, np.pi * w).ravel()
+    tangent = np.sqrt(1 / (1 - t) ** 2 - 1)  # of a slope shrunk by α; tanθ dtanθ = dt/(1 − t)³
+    m = np.stack([pair[0] * tangent * np.cos(turn), pair[1] * tangent * np.sin(turn), np.ones_like(t)])
+    m /= np.linalg.norm(m, axis=0)
+    wo = np.array([[0.8], [0.6], [0]]) * np.sqrt(1 - cosine**2) + [[0], [0], [cosine]]
+    seen = (wo * m).sum(axis=0)
+    there, size = 2 * seen * m - wo, 4 * np.abs(seen) * m[2] ** 3 * pair[0] * pair[1] / (1 - t) ** 3
+    _, pdf, _ = evaluated(driver, anisotropic(pair), np.broadcast_to(wo, there.shape), there)
+    mass = (pdf * size * weight)[seen > 0]
+    assert mass.sum() == pytest.approx(1, abs=2e-3)
+    lost = mass[there[2, seen > 0] < 0].sum()
+    assert lost > (0.15 if pair == (0.5, 0.5) and cosine == 1 else 1e-6)
 
 
 def visible(alpha: float, wo: Array, m: Array) -> Array:

@@ -112,7 +112,7 @@ def test_enough_scenes_need_only_triangles() -> None:
             "make_meshes.py",
             [f"meshes/{mesh}" for mesh in ("lamp.ply", "coarse-ball.ply", "strip.ply", "ring.obj")],
         ),
-        ("make_stiff.py", ["stiff/decades.xml", "stiff/meshes/strips.ply"]),
+        ("make_stiff.py", ["stiff/decades.xml", "stiff/meshes/strips.ply", "stiff/pictures/sun-40.hdr"]),
     ],
 )
 def test_generated_files_are_what_their_script_writes(script: str, names: list[str], tmp_path: Path) -> None:

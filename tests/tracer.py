@@ -272,10 +272,10 @@ def fresnel_glass(cosine: Array, ratio: Array) -> tuple[Array, Array]:
 
 
 class Ggx:
-    """Microfacets with two roughnesses, along and across: unit vectors (N, 3) of the surface, and its n."""
+    """Microfacets with roughnesses (N, 2) along and across unit vectors (N, 3) of the surface, and its n."""
 
-    def __init__(self, alphas: tuple[float, float], frame: tuple[Array, Array, Array]):
-        self.alphas, self.frame = np.array(alphas), frame
+    def __init__(self, alphas: Array, frame: tuple[Array, Array, Array]):
+        self.alphas, self.frame = alphas, frame
 
     def _local(self, w: Array) -> tuple[Array, Array]:
         """(N, 2) along and across, and (N,) along n, not less than nearly 0."""
@@ -321,7 +321,7 @@ class Beckmann(Ggx):
         return np.sqrt(-np.log1p(-x))
 
 
-def facets_of(m: Any, alphas: tuple[float, float], frame: tuple[Array, Array, Array]) -> Ggx:
+def facets_of(m: Any, alphas: Array, frame: tuple[Array, Array, Array]) -> Ggx:
     return (Beckmann if m["beckmann"] else Ggx)(alphas, frame)
 
 
@@ -474,6 +474,11 @@ class Tracer:
         if name in m:
             return np.full(len(p), m[name])
         return np.broadcast_to(self._colour(m, name, which, p), p.shape)[:, 0]
+
+    def _alphas(self, m: Any, which: Array, p: Array) -> Array:
+        """(N, 2) along and across."""
+        names = ("alpha",) * 2 if "alpha" in m or "alpha_texture" in m else ("alpha_u", "alpha_v")
+        return np.maximum(np.stack([self._number(m, name, which, p) for name in names], axis=-1), 1e-4)
 
     def _colour(self, m: Any, name: str, which: Array, p: Array) -> Array:
         """(3,), or of a texture (N, 3) at p."""
@@ -669,7 +674,7 @@ class Tracer:
 
     def _rough_plastic(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         base, tint = self._base(m, which, p), self._colour(m, "specular", which, p)
-        facets = facets_of(m, (m["alpha"],) * 2, (*_frame(n), n))
+        facets = facets_of(m, self._alphas(m, which, p), (*_frame(n), n))
 
         def through(w: Array) -> Array:
             at = np.linspace(0, 1, len(m["coat_transmittance"]))
@@ -695,30 +700,28 @@ class Tracer:
         return light, _unit(wi), np.where(above[:, None], 2 * factor, 0.0), True
 
     def _rough_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
-        return self._microfacets(m, facets_of(m, (m["alpha"],) * 2, (*_frame(n), n)), which, p, wo)
+        return self._microfacets(m, facets_of(m, self._alphas(m, which, p), (*_frame(n), n)), which, p, wo)
 
     def _anisotropic_conductor(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         _, along = self.shapes.coordinates(which, p)
         u = _unit(along - _dot(along, n)[:, None] * n)
-        facets = facets_of(m, (m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u), n))
+        facets = facets_of(m, self._alphas(m, which, p), (u, np.cross(n, u), n))
         return self._microfacets(m, facets, which, p, wo)
 
     def _rough_dielectric(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
-        return self._rough_glass(m, (m["alpha"],) * 2, _frame(n), which, p, wo, n)
+        return self._rough_glass(m, _frame(n), which, p, wo, n)
 
     def _anisotropic_dielectric(self, m: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         _, along = self.shapes.coordinates(which, p)
         u = _unit(along - _dot(along, n)[:, None] * n)
-        return self._rough_glass(m, (m["alpha_u"], m["alpha_v"]), (u, np.cross(n, u)), which, p, wo, n)
+        return self._rough_glass(m, (u, np.cross(n, u)), which, p, wo, n)
 
-    def _rough_glass(
-        self, m: Any, alphas: Any, across: Any, which: Array, p: Array, wo: Array, n: Array
-    ) -> Any:
+    def _rough_glass(self, m: Any, across: Any, which: Array, p: Array, wo: Array, n: Array) -> Any:
         """A facet by D cosθ; lights in a point, which this finds by no chance, are none of its scenes."""
         assert not self.data["lights"]
         outside = _dot(wo, n) > 0
         n, ratio = np.where(outside[:, None], n, -n), np.where(outside, m["eta"], 1 / m["eta"])
-        facets = facets_of(m, alphas, (*across, n))
+        facets = facets_of(m, self._alphas(m, which, p), (*across, n))
         h = facets.sample(*self.rng.random((2, len(p))))
         cosine = np.maximum(_dot(wo, h), 1e-12)
         share, beyond = fresnel_glass(cosine, ratio)

@@ -10,10 +10,10 @@
 #define STBI_NO_GIF
 #define STBI_NO_PSD
 #define STBI_NO_PIC
-#define STBI_MAX_DIMENSIONS (1 << 16)
+#define STBI_MAX_DIMENSIONS (1 << 27)
 #include <stb/stb_image.h>
 
-enum { MOST_PIXELS = 1 << 27 };
+enum { MOST_PIXELS = STBI_MAX_DIMENSIONS };
 
 /* IEC 61966-2-1. */
 static float decode_srgb(double x)
@@ -21,11 +21,16 @@ static float decode_srgb(double x)
     return (float)(x <= 0.04045 ? x / 12.92 : cr_pow((x + 0.055) / 1.055, 2.4));
 }
 
-void image_begin(Image *image, const char *file, int64_t width, int64_t height)
+static void check_size(const char *file, int64_t width, int64_t height)
 {
     if (width < 1 || height < 1 || width > MOST_PIXELS / height)
-        die("%s: %lld x %lld pixels are more than the %d of a picture", file, (long long)width, (long long)height,
+        die("%s: it says %lld x %lld pixels, and a picture has 1 to %d", file, (long long)width, (long long)height,
             MOST_PIXELS);
+}
+
+void image_begin(Image *image, const char *file, int64_t width, int64_t height)
+{
+    check_size(file, width, height);
     image->width = (int)width;
     image->height = (int)height;
     image->value = allocate((size_t)(width * height), sizeof *image->value);
@@ -42,10 +47,18 @@ static void decode(Image *image, const void *values, unsigned most)
     free(table);
 }
 
+/* Four bytes of a PNG file. */
+static int64_t big_endian(const unsigned char *bytes)
+{
+    return (int64_t)bytes[0] << 24 | (int64_t)bytes[1] << 16 | (int64_t)bytes[2] << 8 | bytes[3];
+}
+
 static void read_other(const File *file, Image *image)
 {
     const unsigned char *bytes = (const unsigned char *)file->bytes;
     int size = file->size > INT_MAX ? INT_MAX : (int)file->size, width, height, channels;
+    if (size >= 24 && memcmp(bytes, "\x89PNG", 4) == 0) /* of what is too large stb_image says that it is no picture */
+        check_size(file->name, big_endian(bytes + 16), big_endian(bytes + 20));
     bool there = stbi_info_from_memory(bytes, size, &width, &height, &channels);
     if (there)
         image_begin(image, file->name, width, height);

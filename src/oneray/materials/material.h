@@ -82,13 +82,20 @@ typedef struct {
     Mask both_sides;   /* it takes light from behind, too, that is no delta's */
 } Surface;
 
+/* The row of the textures whose number stands there; any for a row of another kind, which has something else there. */
+INLINE Index texture_row(const Materials *materials, const Num *number, Index row)
+{
+    Real texture = gather(number, row << materials->shift);
+    return real_floor(real_min(real_max(texture, real(0)), real((double)materials->textures.last)));
+}
+
 /* The reflectance that stands at this place of a row: its colour, times its texture if there are any. */
 INLINE Light reflectance_at(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
 {
     const Num *numbers = materials->numbers + place;
     Light colour = light_gather(numbers, row << materials->shift);
     if (f.has & HAS_ANY(TEXTURES)) {
-        Index texture = real_floor(gather(numbers + ROW_AT(Reflectance, texture), row << materials->shift));
+        Index texture = texture_row(materials, numbers + ROW_AT(Reflectance, texture), row);
         colour = light_mul(colour, texture_at(&materials->textures, texture, s->u, s->v, f));
     }
     return colour;
@@ -100,7 +107,7 @@ INLINE Real share_at(const Materials *materials, Index row, size_t place, const 
     const Num *numbers = materials->numbers + place;
     Real share = gather(numbers + ROW_AT(Share, number), row << materials->shift);
     if (f.has & HAS_ANY(TEXTURES)) {
-        Index texture = real_floor(gather(numbers + ROW_AT(Share, texture), row << materials->shift));
+        Index texture = texture_row(materials, numbers + ROW_AT(Share, texture), row);
         if (any(texture > 0))
             share = share * luminance(texture_at(&materials->textures, texture, s->u, s->v, f));
     }

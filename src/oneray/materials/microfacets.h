@@ -9,34 +9,41 @@
 #include <math.h>
 
 typedef struct {
-    double alpha;            /* roughness: half of the mirrors are steeper than this slope */
-    double alpha_u, alpha_v; /* once it is checked, the same along the surface's dp/du, and across that */
-    int distribution;        /* BECKMANN or GGX */
+    Reflectance alpha;            /* roughness: half of the mirrors are steeper than this slope */
+    Reflectance alpha_u, alpha_v; /* once it is checked, the same along the surface's dp/du, and across that */
+    int distribution;             /* BECKMANN or GGX */
 } Microfacets;
 enum { BECKMANN, GGX };
 
 /* Of all plugins whose struct begins with Microfacets. */
 #define MICROFACET_FIELDS                                                                                    \
     {"distribution", AS_WORD, offsetof(Microfacets, distribution), "beckmann, ggx", "beckmann"},             \
-    {"alpha", AS_FLOAT, offsetof(Microfacets, alpha), "[0,1000]", "0.1"},                                    \
-    {"alpha_u", AS_FLOAT, offsetof(Microfacets, alpha_u), "[0,1000]", ""},                                   \
-    {"alpha_v", AS_FLOAT, offsetof(Microfacets, alpha_v), "[0,1000]", ""},                                   \
+    {"alpha", AS_SHARE, offsetof(Microfacets, alpha), "[0,1000]", "0.1"},                                    \
+    {"alpha_u", AS_SHARE, offsetof(Microfacets, alpha_u), "[0,1000]", ""},                                   \
+    {"alpha_v", AS_SHARE, offsetof(Microfacets, alpha_v), "[0,1000]", ""},                                   \
     {"sample_visible", AS_BOOLEAN, NOWHERE, NULL, "true"} /* how it is sampled, not what it is */
+
+#define LEAST_ROUGHNESS 1e-4 /* as Mitsuba */
 
 static inline void microfacets_check(Microfacets *m, Said *said)
 {
     const Place *u = given(said, "alpha_u"), *v = given(said, "alpha_v");
     if (!u != !v || (u && given(said, "alpha")))
         fail(said, "<bsdf type=\"%s\">: write alpha, or both alpha_u and alpha_v", said->type);
-    m->alpha_u = fmax(u ? m->alpha_u : m->alpha, 1e-4); /* as Mitsuba */
-    m->alpha_v = fmax(u ? m->alpha_v : m->alpha, 1e-4);
+    if (!u)
+        m->alpha_u = m->alpha_v = m->alpha;
+    m->alpha_u.most[0] = fmax(m->alpha_u.most[0], LEAST_ROUGHNESS);
+    m->alpha_v.most[0] = fmax(m->alpha_v.most[0], LEAST_ROUGHNESS);
 }
 
-static inline bool is_anisotropic(const Microfacets *m) { return m->alpha_u != m->alpha_v; }
+static inline bool is_anisotropic(const Microfacets *m)
+{
+    return m->alpha_u.texture != m->alpha_v.texture || m->alpha_u.most[0] != m->alpha_v.most[0];
+}
 
 static inline const char *microfacets_odd(const Microfacets *m)
 {
-    return fmin(m->alpha_u, m->alpha_v) < 0.01 ? "a roughness below 0.01" : NULL;
+    return fmin(m->alpha_u.least[0], m->alpha_v.least[0]) < 0.01 ? "a roughness below 0.01" : NULL;
 }
 
 #ifdef LANES
@@ -44,12 +51,13 @@ static inline const char *microfacets_odd(const Microfacets *m)
 #include "materials/material.h"
 
 typedef struct {
-    Num u, v, beckmann;
+    ShareRow u, v;
+    Num beckmann;
 } RoughnessRow;
 static inline void store_roughness(RoughnessRow *row, const Microfacets *m)
 {
-    row->u = (Num)m->alpha_u;
-    row->v = (Num)m->alpha_v;
+    store_share(&row->u, &m->alpha_u);
+    store_share(&row->v, &m->alpha_v);
     row->beckmann = m->distribution == BECKMANN;
 }
 
@@ -69,16 +77,22 @@ INLINE void set_tangents(Roughness *a, const Surface *s)
     a->along_v = vec_cross(s->n, a->along_u);
 }
 
+INLINE Real roughness_at(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
+{
+    Real alpha = share_at(materials, row, place, s, f);
+    return f.has & HAS_ANY(TEXTURES) ? real_max(alpha, real(LEAST_ROUGHNESS)) : alpha;
+}
+
 INLINE Roughness roughness_of(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
 {
     const Num *numbers = materials->numbers + place;
     Roughness a;
-    a.u = gather(numbers + ROW_AT(Roughness, u), row << materials->shift);
+    a.u = roughness_at(materials, row, place + ROW_AT(Roughness, u), s, f);
     if (f.has & HAS_BECKMANN)
         a.beckmann = gather(numbers + ROW_AT(Roughness, beckmann), row << materials->shift) > real(0);
     if (!(f.has & HAS_ANISOTROPIC))
         return a;
-    a.v = gather(numbers + ROW_AT(Roughness, v), row << materials->shift);
+    a.v = roughness_at(materials, row, place + ROW_AT(Roughness, v), s, f);
     set_tangents(&a, s);
     return a;
 }

@@ -16,7 +16,7 @@ typedef struct roughplastic {
 /* Smith's G1 at the cosine c, as in `masking`. */
 static inline double masked(const Microfacets *m, double c)
 {
-    double across = m->alpha_u * sqrt(1 - fmin(c * c, 1));
+    double across = m->alpha_u.most[0] * sqrt(1 - fmin(c * c, 1));
     if (m->distribution == GGX)
         return 2 * c / (c + sqrt(c * c + across * across));
     return c < 1.6 * across ? c * (3.535 * across + 2.181 * c) / (across * (across + 2.276 * c) + 2.577 * c * c) : 1;
@@ -30,7 +30,7 @@ static inline double masked(const Microfacets *m, double c)
 static inline double sent_by_facets(const Microfacets *m, double c, double ratio, bool beyond)
 {
     enum { CAP = 32, TURN = 16 };
-    double a = m->alpha_u, sine = sqrt(1 - c * c), stretch = sqrt(c * c + a * a * sine * sine), sum = 0, all = 0;
+    double a = m->alpha_u.most[0], sine = sqrt(1 - c * c), stretch = sqrt(c * c + a * a * sine * sine), sum = 0, all = 0;
     for (int i = 0; i < CAP * TURN; i++) {
         double v = (i / TURN + 0.5) / (double)CAP, up = v * v * (1 + c / stretch), z = up - c / stretch;
         double turn = PI * (i % TURN + 0.5) / (double)TURN, ring = sqrt(fmax((1 - z) * (1 + z), 0));
@@ -55,6 +55,8 @@ static inline void roughplastic_check(void *plugin, Said *said)
     if (u || v)
         fail(said, "<bsdf type=\"roughplastic\"> is rough alike in all directions: write alpha");
     microfacets_check(&m->facets, said);
+    if (m->facets.alpha.texture)
+        fail(given(said, "alpha"), "\"alpha\" of a roughplastic is a number, as in Mitsuba: what its coat lets through is one table");
     plastic_weigh(&m->plastic);
     double ratio = plastic_ior(&m->plastic);
     if (ratio == 1)

@@ -226,6 +226,7 @@ static void prepare_textures(Scene *scene, const Description *d)
     Textures *t = &scene->materials.textures;
     size_t rows = (size_t)d->texture_count + 1;
     t->shift = texture_shift(scene->features);
+    t->last = (Int)d->texture_count;
     t->numbers = keep(scene, rows, sizeof *t->numbers << t->shift);
     t->kind = keep(scene, rows, sizeof *t->kind);
     for (int i = 0; i < d->texture_count; i++) {

@@ -17,6 +17,7 @@
 typedef struct {
     Num *numbers; /* by row 2^shift of them: the NameRow of its kind */
     int shift;
+    Int last;  /* row */
     Int *kind; /* TextureKind */
     Num *pixels; /* of all that look at a picture, one after the other, three numbers each */
     Int *first;  /* of them, by row */

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from raycheck.base.errors import ReferenceError_
-from raycheck.scene.materials import SHARES, TEXTURED, all_fields
+from raycheck.scene.materials import ALPHAS, SHARES, TEXTURED, all_fields
 
 Row = Mapping[str, Any]
 
 VECTOR, NUMBER, INTEGER, FLAG, THREE, NAME = "vector", "number", "integer", "flag", "three", "name"
 _SAID = {
     "colour": VECTOR, "three": THREE, "number": NUMBER, "boolean": FLAG, **dict.fromkeys(TEXTURED, VECTOR),
-    **dict.fromkeys(SHARES, NUMBER),
+    **dict.fromkeys((*SHARES, *ALPHAS), NUMBER),
 }  # fmt: skip
 
 

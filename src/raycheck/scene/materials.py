@@ -36,6 +36,8 @@ PRINCIPLED = (
     "clearcoat",
 )  # fmt: skip
 """Numbers of a principled material that a texture may stand for."""
+ROUGHNESSES = {"alpha": "", "alpha_u": " where u grows", "alpha_v": " across that"}
+"""Of microfacets, likewise."""
 METALS = Path(__file__).with_name("metals.json")
 
 
@@ -96,7 +98,12 @@ class Material:
 
     @property
     def anisotropic(self) -> bool:
-        return self.alpha[0] != self.alpha[1] or self.principled.get("anisotropic", 0) != 0
+        return not self.rough_alike or self.principled.get("anisotropic", 0) != 0
+
+    @property
+    def rough_alike(self) -> bool:
+        """In all directions."""
+        return self.alpha[0] == self.alpha[1] or "alpha" in self.textures
 
     @property
     def wants_uv(self) -> bool:
@@ -180,15 +187,14 @@ METAL: dict[str, Row] = {**REFLECTANCE, "eta": COLOUR, "k": COLOUR}
 
 
 def _roughness(what: str) -> Row:
-    meaning = f"Roughness of microfacets with Smith's separable G{what}"
+    meaning = f"Roughness of microfacets with Smith's separable G{what}; of a texture at least 1e-4"
     return {**NUMBER, "exclusiveMinimum": 0, "description": meaning}
 
 
+ALPHAS: dict[str, Row] = {name: {"$ref": f"#/$defs/{name}"} for name in ROUGHNESSES}
 BECKMANN: Row = {"type": "boolean", "description": "Beckmann's distribution of them, else GGX"}
-ISOTROPIC = {"alpha": _roughness(""), "beckmann": BECKMANN}
-ANISOTROPIC = {
-    "alpha_u": _roughness(" where u grows"), "alpha_v": _roughness(" across that"), "beckmann": BECKMANN,
-}  # fmt: skip
+ISOTROPIC = {"alpha": ALPHAS["alpha"], "beckmann": BECKMANN}
+ANISOTROPIC = {"alpha_u": ALPHAS["alpha_u"], "alpha_v": ALPHAS["alpha_v"], "beckmann": BECKMANN}
 TABLE: Row = {
     "type": "array", "items": NUMBER, "minItems": NODES, "maxItems": NODES,
     "description": "Of light at cosines of 0 … 1, evenly spaced, what the coat lets through; linear between",
@@ -233,29 +239,36 @@ def _told_conductor(one: Material) -> Row:
     return {"type": "conductor", **_told_metal(one)}
 
 
-def _facets(said: Said) -> Row:
-    """Fields of a Material: `alpha` and `beckmann`."""
+def _rough(one: Material, of: Source) -> Material:
+    """The same of microfacets."""
+    said = of.said
     write = f"{described(said.element)}: write"
     along, across = said.given("alpha_u") is not None, said.given("alpha_v") is not None
     if along != across or (along and said.given("alpha") is not None):
         fail(said.element, f"{write} alpha, or both alpha_u and alpha_v")
     names = ("alpha_u", "alpha_v") if along else ("alpha", "alpha")
-    u, v = (max(said.number(name), 1e-4) for name in names)
-    return {"alpha": (u, v), "beckmann": said.word("distribution") == "beckmann"}
+    numbers, textures = of.shares(*names)
+    u, v = (max(numbers[name], 1e-4) for name in names)
+    return replace(
+        one, kind=said.type, alpha=(u, v), beckmann=said.word("distribution") == "beckmann",
+        textures={**one.textures, **textures},
+    )  # fmt: skip
 
 
 def _told_facets(one: Material) -> Row:
-    u, v = one.alpha
-    return {**({"alpha": u} if u == v else {"alpha_u": u, "alpha_v": v}), "beckmann": one.beckmann}
+    names, row = ("alpha",) if one.rough_alike else ("alpha_u", "alpha_v"), Row()
+    for name, number in zip(names, one.alpha, strict=False):
+        row |= _told_share(one, name, name, number)
+    return {**row, "beckmann": one.beckmann}
 
 
 def _told_rough(one: Material, kind: str, rest: Row) -> Row:
-    which = "rough" if one.alpha[0] == one.alpha[1] else "anisotropic"
+    which = "rough" if one.rough_alike else "anisotropic"
     return {"type": f"{which} {kind}", **rest, **_told_facets(one)}
 
 
 def _roughconductor(of: Source) -> Material:
-    return replace(_conductor(of), kind="roughconductor", **_facets(of.said))
+    return _rough(_conductor(of), of)
 
 
 def _told_roughconductor(one: Material) -> Row:
@@ -282,7 +295,7 @@ def _told_glass(one: Material) -> Row:
 
 
 def _roughdielectric(of: Source) -> Material:
-    one = replace(_glass(of), **_facets(of.said))
+    one = _rough(_glass(of), of)
     if one.eta[0] == 1:
         fail(of.said.element, f"{described(of.said.element)}: int_ior and ext_ior must differ")
     return one
@@ -314,7 +327,9 @@ def _roughplastic(of: Source) -> Material:
     said = of.said
     if any(said.given(name) is not None for name in ("alpha_u", "alpha_v")):
         fail(said.element, f"{described(said.element)} is rough alike in all directions: write alpha")
-    one = replace(_coated(of), **_facets(said))
+    if said.texture("alpha") is not None:
+        fail(said.element, f"{described(said.element)}: alpha must be a number, as in Mitsuba")
+    one = _rough(_coated(of), of)
     if one.eta[0] == 1:
         fail(said.element, f"{described(said.element)}: int_ior and ext_ior must differ")
     return one
@@ -526,6 +541,7 @@ def schema() -> tuple[dict[str, list[Row]], list[Row]]:
     be.
     """
     plain = {**dict.fromkeys(TEXTURED, COLOUR), **dict.fromkeys(SHARES, SHARE)}
+    plain |= {name: _roughness(what) for name, what in ROUGHNESSES.items()}
     textured = {
         name: [{"required": [*fields], "properties": fields} for fields in ({name: said}, *instead(name))]
         for name, said in plain.items()
@@ -547,7 +563,7 @@ def schema_of_bump() -> Row:
 
 
 def _of_schema(name: str, fields: Mapping[str, Row]) -> Row:
-    refers = TEXTURED | SHARES
+    refers = TEXTURED | SHARES | ALPHAS
     own = {field: said for field, said in fields.items() if field not in refers}
     row: Row = {"required": [*own], "properties": {"type": {"const": name}, **own}}
     others = [said for field, said in fields.items() if field in refers]
