@@ -21,8 +21,8 @@ from raycheck.measuring.contestants import Contestant, Shot
 from raycheck.scene.variants import Variant
 from raycheck.truth.expected import Truth
 
-LEAST_SPP, MOST_SPP = 4, 4096
-LEAST_LEVELS = 4
+LEAST_SPP, MOST_SPP = 1, 4096
+LEAST_LEVELS = 6
 
 
 @dataclass
