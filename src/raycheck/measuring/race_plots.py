@@ -12,12 +12,11 @@ from raycheck.base import pictures
 from raycheck.base.arrays import Array
 from raycheck.base.text import number
 from raycheck.measuring.races.curves import Curve, SceneCurves, Shown
+from raycheck.measuring.races.measured import TARGET
 from raycheck.stats.convergence import SLOPE, SLOPE_WITHIN, Band, Level
 
 COLOURS = 5
 """Curves that have a colour of their own; the others are grey until they are chosen in the table."""
-TARGET = 0.01
-"""Relative error until which the time is told."""
 
 
 def _root(band: Band) -> Band:
