@@ -22,8 +22,6 @@ VERDICTS = "verdicts"
 """Folder of these pages in a report."""
 MOST_KEPT = 64
 """Pictures of a FAIL that are kept for raycheck diagnose."""
-SCALE = 6
-"""Pixels of a picture on the page for each of its own, of small ones."""
 
 
 def page_name(scene: str, technique: str) -> str:
@@ -40,21 +38,25 @@ class Gallery:
     """Options of the command that made the verdicts, which its repetition needs."""
     files: Sequence[str] = ()
     """Pictures that were not rendered but given."""
-    seen: dict[tuple[str, str], tuple[int, list[Array], Truth]] = field(default_factory=dict)
-    """Of each case, by scene and technique: samples per pixel, pictures (B, H, W, 3), truth."""
+    seen: dict[tuple[str, str], tuple[Truth, dict[int, list[Array]]]] = field(default_factory=dict)
+    """Of each case, by scene and technique: truth, and pictures (B, H, W, 3) by their samples per pixel."""
     shown: list[tuple[str, Case]] = field(default_factory=list)
 
     def take(self, scene: str, technique: str, truth: Truth, spp: int, images: Array) -> None:
-        """Keep the pictures with the most samples: those judged, or those that were enough for a verdict."""
-        most, kept, _ = self.seen.get((scene, technique), (0, [], truth))
-        if spp >= most:
-            self.seen[scene, technique] = (spp, [*(kept if spp == most else []), images], truth)
+        """Keep the pictures."""
+        _, kept = self.seen.setdefault((scene, technique), (truth, {}))
+        kept.setdefault(spp, []).append(images)
 
     def add(self, case: Case) -> None:
-        """Write the page of a case, if it has pictures."""
-        _, images, truth = self.seen.pop((case.scene, case.technique), (0, [], None))
-        if truth is not None and images:
-            self._write(case, np.concatenate(images), truth)
+        """Write the page of a case, if it has pictures: the judged sets, the most that were rendered at a
+        time, or those that were enough for a verdict.
+        """
+        if (case.scene, case.technique) not in self.seen:
+            return
+        truth, kept = self.seen.pop((case.scene, case.technique))
+        most = max(len(images) for sets in kept.values() for images in sets)
+        judged = [[images for images in sets if len(images) == most] for sets in kept.values()]
+        self._write(case, np.concatenate(max(judged, key=len)), truth)
 
     def finish(self, result: Verification) -> Path:
         """The index of the pages, FAILs first."""
