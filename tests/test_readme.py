@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
+
+from raycheck.base.images import load_image
+from raycheck.base.text import number
+from raycheck.measuring.race_plots import colours
+from raycheck.measuring.races.curves import read
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
 
+import make_plots  # noqa: E402
 import readme  # noqa: E402
 
 TEXTS = {page: page.read_text(encoding="utf-8") for page in readme.PAGES}
@@ -78,6 +86,39 @@ def test_the_readme_is_short_and_leads_to_every_page() -> None:
         assert f"](docs/{page.name}" in text, page.name
     readers = re.findall(r"^## You .*\n\n\*In .*minute.*\*$", text, re.MULTILINE)
     assert len(readers) == 4
+
+
+def test_versions_agree() -> None:
+    """Of the package, of what is cited, of the newest changes, and of oneray."""
+    [version] = re.findall(r'^version = "(.*)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == version and cited["cff-version"] == "1.2.0" and cited["title"]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (\S+)", changes, re.MULTILINE)[0] == version
+    licence = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert all(name in licence for name in ("CIE", "uPlot", "Leon Sorokin", "pictures"))
+
+
+@pytest.mark.parametrize("scene", sorted((ROOT / "docs/gallery").glob("*.xml")), ids=lambda one: one.stem)
+def test_the_gallery_has_a_picture_of_each_scene(scene: Path, oneray: Path) -> None:
+    """Of the size that the scene says, and the scene is right."""
+    shown = load_image(ROOT / f"references/pictures/gallery-{scene.stem}.jpg").pixels
+    assert shown.shape == (480, 640, 3) and f"docs/gallery/{scene.name}" in TEXTS[README]
+    done = subprocess.run([oneray, scene, "--check"], capture_output=True, text=True, check=True)
+    assert "no errors, 0 warnings" in done.stdout
+
+
+def test_the_plots_of_slides_say_how_long(tmp_path: Path) -> None:
+    """Words at the lines, as text that slides can search; the slope has its own."""
+    scenes, _ = read(ROOT / "references/error_curves.json")
+    found = next(one for one in scenes if one.scene == "cornell-box")
+    make_plots.picture(found, tmp_path)
+    drawn = (tmp_path / "error-cornell-box.svg").read_text(encoding="utf-8")
+    assert (tmp_path / "error-cornell-box.png").stat().st_size > 10_000
+    for one in found.curves:
+        if one.name in colours(found):
+            assert f">{one.name}<" in drawn and f">1 % in {number(one.seconds_to_target)} s<" in drawn
+    assert ">slope −½<" in drawn
 
 
 def test_the_pictures_are_small() -> None:
