@@ -32,7 +32,7 @@ from raycheck.truth import references
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = data.references_dir() / "pictures"
-ZOOM_LECTURE, IN_A_ROW, GAP, GALLERY_SPP, JPEG_QUALITY = 6, 8, 8, 512, 90
+ZOOM_LECTURE, IN_A_ROW, GAP, GALLERY_SPP, JPEG_QUALITY = 6, 8, 8, 64, 90
 
 
 def render(scene: Path, *options: str) -> NDArray[np.float64]:
@@ -71,7 +71,7 @@ def scenes() -> None:
 
 def gallery() -> None:
     for scene in sorted((ROOT / "docs/gallery").glob("*.xml")):
-        picture = render(scene, "--spp", str(GALLERY_SPP), "--quiet")
+        picture = render(scene, "--spp", str(GALLERY_SPP), "--precision", "double", "--quiet")
         pixels = display(picture, 1.0)
         spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT8)
         spec.attribute("CompressionQuality", JPEG_QUALITY)
