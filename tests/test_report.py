@@ -138,6 +138,9 @@ def test_opening_it_loads_little(folder, browser):  # noqa: F811
     files = [Path(unquote(url.removeprefix("file://"))) for url in asked]
     assert sum(file.stat().st_size for file in files) < FIRST_BYTES
     assert not any(file.parent.name == "data" for file in files)
+    shown = page.locator(".gallery img, .large img")
+    assert shown.count() == len(SCENES) + 2
+    assert set(shown.evaluate_all("all => all.map(one => one.loading)")) == {"lazy"}
     rows = page.locator("#matrix tbody tr:visible th")
     page.locator("#find").fill("mirror")
     assert rows.all_inner_texts() == ["mirror-light"]
