@@ -1,5 +1,6 @@
 # make            builds build/oneray
-# make demo       sets up what is missing, renders and verifies the canonical scenes, leaves build/report/index.html
+# make demo       sets up what is missing, renders and verifies the canonical scenes, leaves build/report/index.html; says
+#                 first how long that is
 # make test       sets up what is missing and runs all tests
 # make references renders the references anew with Mitsuba;  make thorough  verifies with many samples
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
@@ -11,7 +12,7 @@
 # make fuzz       feeds broken scenes, PLY, OBJ and serialized files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
 # make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
-# make WERROR=1   stops at a warning, as make test does
+# make WERROR=1   stops at a warning, as make test does;  make V=1  shows each command whole
 
 BUILD   ?= build
 CC      ?= cc
@@ -70,11 +71,14 @@ KERNEL_OBJECTS := $(foreach k,$(KERNEL_LIST),$(BUILD)/kernel_$(call name_of,$(k)
     $(if $(call part,$(k),4),$(BUILD)/instances_$(call name_of,$(k)).o))
 KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k),2),$(call part,$(k),3)))
 
+# A line says what is compiled; with V=1 the command does.
+run = $(if $(V),,@printf '  %-4s %s\n' $(1) '$(2)' && )
+
 .PHONY: all kinds install wheel demo test references thorough techniques report stability benchmark calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
-	$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
+	$(call run,LINK,$@)$(CC) $(CFLAGS) -o $@ $^ $(LDFLAGS) $(shell pkg-config --libs $(PACKAGES)) -lm
 
 kinds: $(KIND_HEADERS)
 $(BUILD)/kinds/%.h: $(SOURCE_HEADERS) Makefile
@@ -92,12 +96,12 @@ $(BUILD)/.settings: FORCE | $(BUILD)
 FORCE:
 
 $(BUILD)/%.o: %.c $(HEADERS) Makefile $(BUILD)/.settings | $(BUILD)
-	$(CC) $(ALL_CFLAGS) $(PKG_CFLAGS) -D'KERNELS(X)=$(KERNEL_TABLE)' -c $< -o $@
+	$(call run,CC,$<)$(CC) $(ALL_CFLAGS) $(PKG_CFLAGS) -D'KERNELS(X)=$(KERNEL_TABLE)' -c $< -o $@
 
 # -g1: lines, but no variables, whose tracking takes a sixth of the build.
 define kernel_rule
 $$(BUILD)/%_$(call name_of,$(1)).o: src/oneray/kernel/%.c $$(HEADERS) Makefile $$(BUILD)/.settings | $$(BUILD)
-	$$(CC) $$(ALL_CFLAGS) $$(if $$(findstring -g,$$(CFLAGS)),-g1) $$(FLAGS_$(call part,$(1),3)) \
+	$$(call run,CC,$$< $(1))$$(CC) $$(ALL_CFLAGS) $$(if $$(findstring -g,$$(CFLAGS)),-g1) $$(FLAGS_$(call part,$(1),3)) \
 	    $(if $(filter single:%,$(1)),-DSINGLE) -DLANES=$(call part,$(1),2) -DKERNEL=kernel_$(call name_of,$(1)) \
 	    $(if $(call part,$(1),4),-DINSTANCES=instances_$(call name_of,$(1))) \
 	    $$(if $$(filter instances,$$*),-DSPECIALISED) -c $$< -o $$@
@@ -171,11 +175,15 @@ $(VENV)/.test: pyproject.toml | $(PYTHON)
 # cores unless this one was told how many.
 ALL = $(MAKE) $(1) $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 1)) all
 # The quick verification: 1 is a FAIL; 3, INCONCLUSIVE, is not. In half the time, more is INCONCLUSIVE.
-VERIFY = $(RAYCHECK) verify --seconds $(1) --json $(BUILD)/verification.json || test $$? -eq 3
+VERIFY = $(RAYCHECK) verify --seconds $(1) --json $(BUILD)/verification.json $(2) || test $$? -eq 3
 
-demo: $(BUILD)/.system $(VENV)/.demo
+.PHONY: plan
+plan:
+	@echo "make demo: sets up what is missing, builds oneray, verifies every technique (a minute and a half), and writes"
+	@echo "$(BUILD)/report/index.html (a minute). About five minutes the first time, three later. Ctrl-C is safe."
+demo: plan $(BUILD)/.system $(VENV)/.demo
 	+$(ALL)
-	$(call VERIFY,90)
+	$(call VERIFY,90,--html $(BUILD)/report/verdicts)
 	$(RAYCHECK) report --seconds 0 --verification $(BUILD)/verification.json -o $(BUILD)/report
 	@echo "Open $(BUILD)/report/index.html"
 
@@ -204,7 +212,7 @@ report: $(BUILD)/.system-test $(VENV)/.test
 	+$(ALL)
 	$(RAYCHECK) report --against mitsuba --seconds 2 --minutes 12 --verification references/verification.json \
 	    -o $(BUILD)/report --json references/error_curves.json
-	$(PYTHON) scripts/make_previews.py $(BUILD)/report/index.html
+	$(PYTHON) scripts/make_plots.py
 	@echo "Open $(BUILD)/report/index.html"
 
 stability: $(BUILD)/.system-test $(VENV)/.test

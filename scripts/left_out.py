@@ -4,7 +4,7 @@
 
 For each feature that the specialised instance of the scene lacks and that needs no table, an instance with
 that feature beside is compiled and run under valgrind's callgrind, at 4 lanes in double precision. Printed is
-a table of the instructions more, as README.md has it. Takes some minutes.
+a table of the instructions more, as docs/how-it-is-built.md has it. Takes some minutes.
 """
 
 from __future__ import annotations

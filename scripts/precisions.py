@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from raycheck.base.files import write_whole
-from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.machine import machine, raycheck_version, today
 from raycheck.measuring.stability import precisions
 
 
@@ -31,7 +31,7 @@ def main() -> int:
     print(precisions.summary(pairs))
     if options.json:
         command = "python scripts/precisions.py --json references/precisions.json"
-        header = {"raycheck": raycheck_version(), "machine": machine(), "command": command}
+        header = {"raycheck": raycheck_version(), "machine": machine(), "date": today(), "command": command}
         write_whole(options.json, precisions.to_json(pairs, header))
     return 0 if all(pair.holds for pair in pairs) else 1
 

@@ -1,5 +1,5 @@
-"""Put the measured figures of references/*.json into the README, each between its comments, <!-- NAME --> and
-<!-- /NAME -->; <!-- prices: SCENE ... --> says which scenes.
+"""Put the measured figures of references/*.json into the README and the pages of docs/, each between its
+comments, <!-- NAME --> and <!-- /NAME -->; <!-- prices: SCENE ... --> says which scenes.
 
     python scripts/readme.py
 """
@@ -20,6 +20,7 @@ import public_scenes
 import size
 
 from raycheck.base.errors import NotFound
+from raycheck.base.files import write_whole
 from raycheck.calibration import table
 from raycheck.measuring import price_tables, prices, speed
 from raycheck.measuring.stability import tables
@@ -27,7 +28,8 @@ from raycheck.measuring.stability.results import read
 from raycheck.stats.verdict import Outcome
 
 ROOT = Path(__file__).resolve().parent.parent
-README, REFERENCES = ROOT / "README.md", ROOT / "references"
+REFERENCES = ROOT / "references"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
 
 def _prices(scenes: Sequence[str]) -> str:
@@ -36,7 +38,15 @@ def _prices(scenes: Sequence[str]) -> str:
 
 
 def _calibration(words: Sequence[str]) -> str:
-    return table.markdown(json.loads((REFERENCES / "calibration.json").read_text(encoding="utf-8")))
+    return table.markdown(_calibrated())
+
+
+def _trust(words: Sequence[str]) -> str:
+    return table.sentence(_calibrated())
+
+
+def _calibrated() -> Any:
+    return json.loads((REFERENCES / "calibration.json").read_text(encoding="utf-8"))
 
 
 def _harness(words: Sequence[str]) -> str:
@@ -62,17 +72,26 @@ def _public(words: Sequence[str]) -> str:
 
 
 def _verification(words: Sequence[str]) -> str:
-    cases = json.loads((REFERENCES / "verification.json").read_text(encoding="utf-8"))["cases"]
-    count = Counter(case["verdict"] for case in cases)
-    scenes = {case["scene"].split("@")[0] for case in cases}
-    verdicts = ", ".join(f"{count[one]} {one}" for one in Outcome if one is not Outcome.SKIP or count[one])
-    sentences = [f"{verdicts} in {len(cases)} cases of {len(scenes)} scenes."]
+    cases = _cases()
+    sentences = [_verdicts(words)]
     sentences += [
         f"{case['verdict']}: {_named(case)}, {case['reason']}."
         for case in cases
         if case["verdict"] != Outcome.PASS
     ]
     return " ".join((*sentences, _detectable([case for case in cases if not case["unbounded"]])))
+
+
+def _verdicts(words: Sequence[str]) -> str:
+    cases = _cases()
+    count = Counter(case["verdict"] for case in cases)
+    scenes = {case["scene"].split("@")[0] for case in cases}
+    verdicts = ", ".join(f"{count[one]} {one}" for one in Outcome if one is not Outcome.SKIP or count[one])
+    return f"{verdicts} in {len(cases)} cases of {len(scenes)} scenes."
+
+
+def _cases() -> Any:
+    return json.loads((REFERENCES / "verification.json").read_text(encoding="utf-8"))["cases"]
 
 
 def _detectable(cases: Sequence[Mapping[str, Any]]) -> str:
@@ -104,6 +123,8 @@ TABLES: dict[str, Callable[[Sequence[str]], str]] = {
     "stability": _stability,
     "benchmark": _benchmark,
     "verification": _verification,
+    "verdicts": _verdicts,
+    "trust": _trust,
     "size": _size,
     "public": _public,
 }
@@ -111,23 +132,28 @@ WANTED_IMAGE = 0.003
 PLACE = re.compile(rf"(<!-- ({'|'.join(TABLES)})(?:: (.*?))? -->).*?(<!-- /\2 -->)", re.DOTALL)
 
 
-def renewed(readme: str) -> str:
-    """The README with today's tables; NotFound where a result is not there."""
+LINK = re.compile(r"\]\((?!\w+:|#)")
+
+
+def renewed(page: str, below: int = 0) -> str:
+    """A page, so many folders below the top, with today's tables; NotFound where a result is not there."""
 
     def filled(place: re.Match[str]) -> str:
         first, name, words, last = place.groups()
-        return f"{first}\n{TABLES[name]((words or '').split())}\n{last}"
+        text = LINK.sub(f"]({'../' * below}", TABLES[name]((words or "").split()))
+        return f"{first}\n{text}\n{last}"
 
-    return PLACE.sub(filled, readme)
+    return PLACE.sub(filled, page)
 
 
 def main() -> int:
     try:
-        text = renewed(README.read_text(encoding="utf-8"))
+        texts = {page: renewed(page.read_text(encoding="utf-8"), page.parent != ROOT) for page in PAGES}
     except NotFound as problem:
         print(f"readme: {problem}", file=sys.stderr)
         return 2
-    README.write_text(text, encoding="utf-8")
+    for page, text in texts.items():
+        write_whole(page, text)
     return 0
 
 

@@ -1,7 +1,7 @@
 """How much code there is: lines without comments and blanks, of C after clang-format with .clang-format.
 
     python scripts/size.py
-    python scripts/size.py --json references/size.json      # for README.md: then scripts/readme.py
+    python scripts/size.py --json references/size.json  # for docs/how-it-is-built.md: then scripts/readme.py
 
 C is src/oneray, by folder; headers that the build writes are not counted, and tables that were generated from
 data (a file that begins with "/* Generated") apart. Python is without docstrings, by package.

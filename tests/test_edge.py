@@ -174,10 +174,10 @@ def test_what_stands_in() -> None:
 # ---- Exit statuses.
 
 
-def test_the_readme_lists_the_statuses(oneray: Path) -> None:
+def test_the_page_of_verdicts_lists_the_statuses(oneray: Path) -> None:
     """One table for both programs, and nothing else in it."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    table = readme.split("### Exit statuses", 1)[1].split("\n###", 1)[0]
+    page = (ROOT / "docs/verdicts.md").read_text(encoding="utf-8")
+    table = page.split("## Exit statuses", 1)[1].split("\n##", 1)[0]
     listed = [int(number) for number in re.findall(r"^\| (\d+) \|", table, re.MULTILINE)]
     assert listed == [int(one) for one in Status]
     said = subprocess.run([oneray, "--help"], capture_output=True, text=True, check=True).stdout

@@ -157,8 +157,8 @@ def test_start_up_is_told_from_sampling() -> None:
 
 
 def test_samples_double_as_far_as_the_time_allows() -> None:
-    assert doubling(0.0, 1.0, 0.0, 8) == [4, 8, 16, 32]
-    assert doubling(0.0, 1e-3, 8 * 0.253, 8)[-1] == 128
+    assert doubling(0.0, 1.0, 0.0, 8) == [1, 2, 4, 8, 16, 32]
+    assert doubling(0.0, 1e-3, 8 * 0.256, 8)[-1] == 128
     assert doubling(0.0, 1e-9, 1.0, 8)[-1] == MOST_SPP
 
 
@@ -183,7 +183,7 @@ def test_who_crashes_loses_its_own_curve_alone(tmp_path: Path) -> None:
 
     found = raced(tmp_path, Made("right", right), Crashing("crashing", right))
     assert found["crashing"].reason == "ended by signal SIGSEGV" and not found["crashing"].levels
-    assert not found["right"].reason and len(found["right"].levels) == 4
+    assert not found["right"].reason and len(found["right"].levels) == 6
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""oneray needs no more memory than the README says."""
+"""oneray needs no more memory than docs/render.md says."""
 
 import json
 import math

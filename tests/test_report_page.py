@@ -1,4 +1,4 @@
-"""The report's page in a real browser: every control is used, and nothing complains.
+"""A scene's page of the report in a real browser: every control is used, and nothing complains.
 
 The page is that of a race of oneray, Mitsuba, a renderer that is wrong on purpose and one that cannot run.
 """
@@ -12,10 +12,12 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
 from raycheck.base.images import decode_srgb
@@ -43,7 +45,7 @@ def made(oneray: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
         env={"ONERAY": str(oneray), **os.environ},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    return folder / "index.html", done.stdout
+    return folder / "pages/scene-furnace.html", done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +88,8 @@ def page(opened: tuple[Page, list[str]], made: tuple[Path, str]) -> Iterator[Pag
         }
     }""")
     yield one
-    assert [x for x in said if x != made[0].as_uri() and not x.startswith("data:")] == []
+    folder = made[0].parents[1].as_uri()
+    assert [x for x in said if not x.startswith((folder, "data:"))] == []
 
 
 def pixels(canvas: Locator) -> list[int]:
@@ -105,14 +108,15 @@ def main(page: Page, kind: str = "samples") -> Locator:
 
 def test_the_command_names_who_is_wrong_and_who_cannot_run(made: tuple[Path, str], page: Page) -> None:
     assert re.search("furnace, direct only: bias: the indirect light is missing", made[1])
-    assert page.locator("#error .FAIL", has_text="bias").count() == 1
-    assert "direct only" in page.locator("#error li").inner_text()
+    assert "direct only" in page.locator(".curves p", has=page.locator(".FAIL")).first.inner_text()
+    index = (made[0].parents[1] / "index.html").read_text(encoding="utf-8")
+    assert '#scene-furnace.error">furnace</a>, direct only: <b class="FAIL">bias</b>' in index
     broken = page.locator(".curves tr", has_text="broken").first
     assert "failed: exit status 1" in broken.inner_text()
     rows = page.locator(".curves tbody tr").all_inner_texts()
     names = ["mis-default", "walk-cosine", "mitsuba scalar", "direct only", "broken"]
     assert [name for name in names if any(name in row for row in rows)] == names
-    curves = json.loads((made[0].parent / "curves.json").read_text())
+    curves = json.loads((made[0].parents[1] / "curves.json").read_text())
     assert curves["machine"] and "--against mitsuba" in curves["command"]
 
 
@@ -199,40 +203,77 @@ def test_equal_samples_beside_equal_time(page: Page) -> None:
     assert "mi.set_variant('scalar_rgb')" in samples and f"spp={spp[1]}" in times
 
 
+def drawn(page: Page) -> list[list[int]]:
+    """The pixels of both plots."""
+    return [pixels(one) for one in page.locator("figure.plot canvas").all()]
+
+
 def test_every_metric_has_its_plots(page: Page) -> None:
     choice = page.locator("select.metric")
-    metrics = [*race_plots.METRICS, race_plots.SPLIT]
+    metrics = [*race_plots.METRICS, "bias and standard deviation"]
     assert choice.locator("option").all_inner_texts() == metrics
-    for index, metric in enumerate(metrics):
-        choice.select_option(str(index))
-        plots = page.locator("div.metric:visible svg")
-        assert plots.count() == 2
-        label = plots.first.get_attribute("aria-label")
-        assert "over seconds" in label and "mis-default" in label
-        assert metric.split(" and ")[0] in label
-    drawn = page.locator("div.metric svg").first.text_content()
-    assert "slope −½" in drawn and "noise of the reference" in drawn
+    seen = []
+    for metric in metrics:
+        choice.select_option(metric)
+        assert page.locator("figure.plot canvas").count() == 2
+        found = drawn(page)
+        assert found not in seen and all(len(set(zip(*[iter(one)] * 3, strict=True))) > 20 for one in found)
+        seen.append(found)
+    label = page.locator("figure.plot").first.get_attribute("aria-label")
+    assert "over process time" in label and "in the table" in label
+
+
+def test_the_axes_fit_the_data(page: Page) -> None:
+    """What is drawn in a curve's colour reaches over most of the plot, both ways."""
+    spans = page.evaluate("""() => [...document.querySelectorAll("figure.plot")].map(box => {
+        const { min, max } = box.plot.scales.x, y = box.plot.scales.y, all = box.plot.data;
+        const ys = all.slice(1).flat().filter(v => v);
+        const share = (values, low, high) =>
+            Math.log(Math.max(...values) / Math.min(...values)) / Math.log(high / low);
+        return [share(all[0], min, max), share(ys, y.min, y.max)];
+    })""")
+    assert all(across > 0.8 for across, _ in spans) and all(down > 0.6 for _, down in spans)
+
+
+def test_a_curve_says_how_long_it_takes_to_one_percent(page: Page) -> None:
+    """Under the pointer, and in the table."""
+    box = page.locator("figure.plot").first
+    box.scroll_into_view_if_needed()
+    left, top = box.evaluate("""box => {
+        const u = box.plot, one = box.getBoundingClientRect(), over = u.over.getBoundingClientRect();
+        const k = u.series.findIndex(s => s.label === "walk-cosine"), i = u.data[k].findIndex(v => v);
+        return [over.left + u.valToPos(u.data[0][i], "x"), over.top + u.valToPos(u.data[k][i], "y")];
+    }""")
+    page.mouse.move(left, top)
+    told = box.locator(".told").inner_text()
+    assert told.startswith("walk-cosine: 1 % after ") and re.search(r"[\d.]+ % at [\d.]+ (µs|ms|s)", told)
+    seconds = re.search(r"after ([\d.,]+) s", told).group(1)
+    row = page.locator(".curves tbody tr", has_text="walk-cosine").first
+    assert seconds in row.locator("td").all_inner_texts()
+    page.mouse.move(0, 0)
+    assert box.locator(".told").is_hidden()
 
 
 def test_choosing_brings_a_curve_out(page: Page) -> None:
+    width = "name => document.querySelector('figure.plot').plot.series.find(s => s.label === name).width"
+    before = drawn(page)
     chosen = page.locator("button.choose", has_text="direct only")
     chosen.focus()
     page.keyboard.press("Enter")
     assert chosen.get_attribute("aria-pressed") == "true"
-    assert page.locator("[data-name='direct only'].chosen").count() > 2
-    assert page.locator("[data-name='mis-default'].chosen").count() == 0
+    assert page.evaluate(width, "direct only") > page.evaluate(width, "mis-default") and drawn(page) != before
     chosen.click()
-    assert page.locator(".chosen").count() == 0
+    assert page.evaluate(width, "direct only") == page.evaluate(width, "mis-default")
 
 
 def test_tables_sort(page: Page) -> None:
     """By every column, up and down; numbers as numbers."""
     table = page.locator(".curves table.sortable")
-    heads = table.locator("th button")
+    heads = table.locator("thead th button")
     for index in range(heads.count()):
         for order in ("ascending", "descending"):
             heads.nth(index).click()
-            assert table.locator("th").nth(index).get_attribute("aria-sort") == order
+            assert table.locator("thead th").nth(index).get_attribute("aria-sort") == order
     heads.nth(heads.all_inner_texts().index("ms per sample")).click()
     cells = table.locator("tbody tr td:nth-child(9)").all_inner_texts()
     costs = [float(cell.replace(",", "")) for cell in cells]
@@ -276,10 +317,43 @@ def test_text_stands_out(page: Page, scheme: str) -> None:
             assert (high + 0.05) / (low + 0.05) >= 4.5, (name, ground)
 
 
-def test_everything_has_a_name(page: Page) -> None:
-    """Pictures, plots and controls, for those who do not see them."""
-    unnamed = page.evaluate("""() => [...document.querySelectorAll("img, canvas, svg, select, input, button")]
-        .filter(e => !(e.getAttribute("alt") ?? e.getAttribute("aria-label") ?? e.getAttribute("aria-hidden")
-            ?? e.closest("label")?.textContent ?? e.textContent.trim()) && e.alt !== "")
-        .map(e => e.outerHTML.slice(0, 80))""")
-    assert unnamed == []
+SEVERE = ("serious", "critical")
+
+
+@pytest.fixture(scope="module")
+def pages(made: tuple[Path, str]) -> list[Path]:
+    """One of each kind."""
+    folder = made[0].parents[1]
+    names = ("scene-furnace", "technique-nee", "speed", "stability")
+    return [folder / "index.html", *(folder / f"pages/{name}.html" for name in names)]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_nothing_stands_in_the_way_of_those_who_do_not_see(
+    browser: Browser, pages: list[Path], scheme: str
+) -> None:
+    """By axe-core, at both widths."""
+    for width in (390, 1400):
+        with closing(browser.new_page(color_scheme=scheme, viewport={"width": width, "height": 900})) as one:
+            for page in pages:
+                one.goto(page.as_uri())
+                found = Axe().run(one).response["violations"]
+                severe = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in SEVERE]
+                assert severe == [], page.name
+
+
+def test_every_page_fits_a_phone_and_asks_for_nothing_elsewhere(browser: Browser, pages: list[Path]) -> None:
+    with closing(browser.new_page(viewport={"width": 390, "height": 740})) as one:
+        asked: list[str] = []
+        one.on("request", lambda request: asked.append(request.url))
+        for page in pages:
+            one.goto(page.as_uri())
+            assert one.evaluate("document.documentElement.scrollWidth") <= 390, page.name
+        assert asked and {url.partition(":")[0] for url in asked} <= {"file", "data"}
+
+
+def test_the_first_column_stays(page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 740})
+    table = page.locator(".curves .wide").first
+    table.evaluate("box => box.scrollLeft = 200")
+    assert table.locator("tbody th").first.bounding_box()["x"] < 40

@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import random
+import re
 import resource
 import signal
 import subprocess
@@ -17,7 +18,7 @@ import OpenImageIO as oiio
 import pytest
 from building import ROOT, cpu_seconds
 
-from raycheck.base.images import load_image
+from raycheck.base.images import encode_srgb, load_image
 
 BOX = ROOT / "scenes/cornell-box.xml"
 
@@ -293,3 +294,31 @@ def test_values_that_expand_without_end(oneray: Path, tmp_path: Path) -> None:
         scene = tmp_path / "scene.xml"
         scene.write_text(f'<scene version="3.0.0">\n{lines}</scene>\n')
         assert message in refusal(oneray, scene, "-o", tmp_path / "a.exr")
+
+
+def test_a_png_beside_the_exr(oneray: Path, tmp_path: Path) -> None:
+    """Of one render; the exposure is the PNG's alone."""
+    both = ("-o", tmp_path / "a.exr", "--png", tmp_path / "a.png", "--exposure", 1)
+    assert run(oneray, BOX, "--spp", 16, *both).returncode == 0
+    mean = 2 * pixels(tmp_path / "a.exr")[..., :3].astype(float)
+    assert np.abs(255 * pixels(tmp_path / "a.png") - 255 * encode_srgb(mean.clip(0, 1))).max() <= 0.501
+    assert "--png a.jpg: its name ends with .png" in refusal(oneray, BOX, "--png", "a.jpg")
+    same = ("-o", tmp_path / "a.png", "--png", tmp_path / "a.png")
+    assert "is given for two outputs" in refusal(oneray, BOX, *same)
+
+
+def test_a_look_in_the_terminal(oneray: Path, tmp_path: Path) -> None:
+    """Half blocks: each colour is the mean of the pixels below it, in sRGB, with the exposure."""
+    words = (oneray, BOX, "--spp", 16, "--quiet", "-o", tmp_path / "a.exr", "--show", "--exposure", -1)
+    done = run(*words, env={"COLUMNS": "16", "TERM": "xterm"})
+    assert done.returncode == 0 and done.stderr == ""
+    found = [[list(map(int, cell)) for cell in re.findall(r"[34]8;2;(\d+);(\d+);(\d+)m", line)]
+             for line in done.stdout.splitlines()]  # fmt: skip
+    shown = np.array(found).reshape(8, 16, 2, 3).transpose(0, 2, 1, 3).reshape(16, 16, 3)
+    mean = pixels(tmp_path / "a.exr")[..., :3].astype(float)
+    blocks = 0.5 * mean.reshape(16, mean.shape[0] // 16, 16, mean.shape[1] // 16, 3).mean(axis=(1, 3))
+    assert np.abs(shown - 255 * encode_srgb(blocks.clip(0, 1))).max() <= 0.51
+    plain = run(*words, env={"COLUMNS": "16", "TERM": "xterm", "NO_COLOR": "1"}).stdout
+    assert [len(line) for line in plain.splitlines()] == [16] * 8 and set(plain) <= set(" .:-=+*#%@\n")
+    assert "both go to standard output" in refusal(oneray, BOX, "--show", "--stats", "-")
+    assert "--show" in refusal(oneray, BOX, "--show", "--check")

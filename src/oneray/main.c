@@ -46,9 +46,9 @@ static void check_outputs(const Options *options, const Description *scene)
     inputs[0] = (char *)options->scene;
     for (int i = 0; i < scene->file_count; i++)
         inputs[i + 1] = scene->files[i];
-    const char *const outputs[] = {options->output, options->film, options->checkpoint,
+    const char *const outputs[] = {options->output, options->png, options->film, options->checkpoint,
         options->stats && strcmp(options->stats, "-") ? options->stats : NULL};
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 5; i++) {
         for (int k = 0; k < i; k++)
             if (outputs[i] && outputs[k] && !strcmp(outputs[i], outputs[k]))
                 die("%s: is given for two outputs", outputs[i]);
@@ -70,14 +70,18 @@ static void write_outputs(const Render *r)
 {
     const Options *o = r->options;
     uint64_t samples = film_samples(&r->film);
-    const char *to = o->output ? o->output : o->film ? o->film : "the figures";
+    const char *to = o->output ? o->output : o->png ? o->png : o->film ? o->film : "the figures";
     if (interrupted())
         warn("interrupted: %s: %" PRIu64 " of %" PRIu64 " samples per pixel%s", to, samples, r->wanted,
             samples ? "" : ", nothing is written");
     if (samples && !o->film)
         say_why_black(r);
-    if (samples && o->output)
-        picture_write(&r->film, seconds_now() - r->started, instance_name(r), o->exposure, o->output);
+    const char *pictures[] = {o->output, o->png};
+    for (int i = 0; i < 2; i++)
+        if (samples && pictures[i])
+            picture_write(&r->film, seconds_now() - r->started, instance_name(r), o->exposure, pictures[i]);
+    if (samples && o->show)
+        picture_show(&r->film, o->exposure);
     if (samples && o->film && !film_write(&r->film, o->film))
         output_failed(o->film, NULL);
 }
@@ -86,8 +90,8 @@ static void render_scene(Options *options)
 {
     Seconds seconds = {0};
     double start = seconds_now();
-    Description *scene = description_read(options->scene, options->parameters, options->parameter_count,
-        options->sensor, options->size);
+    Description *scene = description_read(
+        options->scene, options->parameters, options->parameter_count, options->sensor, options->size);
     options_check(options, scene);
     if (options->check) {
         int warnings = warnings_given();

@@ -55,11 +55,15 @@ static const Option table[] = {
         .help = ".exr, .pfm or .png: mean of each pixel; in .exr also its standard error (not with\n"
                 "--sampler sobol); .png in sRGB, 8 bits"},
     {"--exposure", "STOPS", REAL, AT(exposure), .low = -128, .high = 128, .merges = true,
-        .help = "of .png: 2^STOPS times as bright"},
+        .help = "of .png and --show: 2^STOPS times as bright"},
+    {"--png", "FILE.png", TEXT, AT(png), .help = "also this picture, beside an .exr that holds the radiance"},
+    {"--show", NULL, FLAG, AT(show), .help = "shows the picture in the terminal, of COLUMNS characters or 80"},
     {"-D", "name=value", PARAMETER, 0, .help = "sets a <default> of the scene"},
     {"--sensor", "ID|N", TEXT, AT(sensor), .help = "the scene's sensor with this id, or its N-th, from 0 on"},
-    {"--check", NULL, FLAG, AT(check), .help = "reads the scene and says all that is wrong with it; renders nothing"},
-    {"--preview", NULL, FLAG, AT(preview), .help = "--width 256 --time 1, where none of --width, --height, --time and --spp is given"},
+    {"--check", NULL, FLAG, AT(check),
+        .help = "reads the scene and says all that is wrong with it; renders nothing"},
+    {"--preview", NULL, FLAG, AT(preview),
+        .help = "--width 256 --time 1, where none of --width, --height, --time and --spp is given"},
     {"--width", "N", WHOLE, AT(size[0]), .least = 1, .most = 65536,
         .help = "instead of the scene's; one alone keeps the image's shape"},
     {"--height", "N", WHOLE, AT(size[1]), .least = 1, .most = 65536, .help = "likewise"},
@@ -322,16 +326,21 @@ static void check_given(const Options *o, const Technique *asked)
         die("--samples and --film go together: --samples FIRST:COUNT --film PART.film");
     if (o->sample_count && (o->spp || o->seconds > 0 || o->error > 0))
         die("--samples says which samples are rendered: --spp, --time and --error do not go with it");
-    if (o->film && o->output)
+    bool seen = o->png || o->show;
+    if (o->film && (o->output || seen))
         die("--film writes a part; `oneray merge PART.film ... -o OUT.exr` makes the picture");
-    if (o->check && (o->output || o->film || o->checkpoint || o->stats))
-        die("--check writes nothing: -o, --film, --checkpoint and --stats do not go with it");
-    if (!o->film && !o->output && !o->stats && !o->check)
-        die("nothing to do: give -o OUT.exr (or --stats - for the figures alone)");
+    if (o->check && (o->output || seen || o->film || o->checkpoint || o->stats))
+        die("--check writes nothing: -o, --png, --show, --film, --checkpoint and --stats do not go with it");
+    if (!o->film && !o->output && !seen && !o->stats && !o->check)
+        die("nothing to do: give -o OUT.exr (or --show for a look, --stats - for the figures alone)");
+    if (o->show && o->stats && !strcmp(o->stats, "-"))
+        die("--show and --stats -: both go to standard output; give --stats FILE");
     if (!o->checkpoint && (o->resume || o->checkpoint_seconds > 0))
         die("%s: --checkpoint FILE is wanted with it", o->resume ? "--resume" : "--checkpoint-seconds");
+    if (o->png)
+        picture_check_png(o->png);
     if (o->output)
-        picture_check_name(o->output, o->exposure);
+        picture_check_name(o->output, seen ? 0 : o->exposure);
     if (strcmp(o->precision, "auto"))
         options_kernel(o);
 }
@@ -495,7 +504,8 @@ void options_check(const Options *options, const Description *scene)
         die("--roulette none: %s has max_depth -1, its paths would never end", options->scene);
     const Material *endless = scene->max_depth < 0 ? absorbs_nothing(scene) : NULL;
     if (endless)
-        note(endless, "this material absorbs nothing and max_depth is -1: a path that cannot leave will be an error");
+        note(endless,
+            "this material absorbs nothing and max_depth is -1: a path that cannot leave will be an error");
 }
 
 void options_technique(const Technique *t, char *text, int size)

@@ -12,7 +12,7 @@ enum { MAX_PARAMETERS = 64 };
 #define MOST_SAMPLES ((uint64_t)1 << 48) /* per pixel */
 
 typedef struct {
-    const char *scene, *output, *film, *stats, *sensor,
+    const char *scene, *output, *png, *film, *stats, *sensor,
         *checkpoint; /* NULL: not given; stats "-" is standard output */
     char **parts;   /* the films to merge, instead of a scene to render */
     int part_count; /* 0: a scene is rendered */
@@ -30,7 +30,7 @@ typedef struct {
     char precision_reason[128]; /* why, where it was auto */
     const char *kernel;
     uint64_t lanes; /* 0: the widest */
-    bool resume, quiet, check, preview;
+    bool resume, quiet, check, preview, show;
 } Options;
 
 /* Reads the command line; --help and --version print and end the program, errors end it with exit

@@ -25,6 +25,12 @@ void picture_check_name(const char *file, double exposure)
         die("--exposure is of a .png: %s holds the radiance as it is", file);
 }
 
+void picture_check_png(const char *file)
+{
+    if (!ends_with(file, ".png"))
+        die("--png %s: its name ends with .png", file);
+}
+
 /* "PF", size, the sign of the scale for the order of bytes, then rows from the bottom up. Debevec, PFM. */
 static void write_pfm(const Picture *picture, FILE *stream)
 {
@@ -65,6 +71,55 @@ static void check_range(const Window *window, const float *mean, const float *er
         if (!(mean[i] <= FLT_MAX && error[i] <= FLT_MAX))
             die("%s: pixel (%zu, %zu): the radiance is beyond %g, the largest float of a picture", file,
                 i / 3 % width + (size_t)window->x, i / 3 / width + (size_t)window->y, (double)FLT_MAX);
+}
+
+/* The mean of pixels [x0, x1) × [y0, y1), at least one, times the factor, as bytes of sRGB. */
+static void box(
+    const Window *window, const float *mean, int x0, int x1, int y0, int y1, double factor, png_byte rgb[3])
+{
+    double sum[3] = {0};
+    int count = 0;
+    for (int y = y0; y < y1 || y == y0; y++)
+        for (int x = x0; x < x1 || x == x0; x++, count++)
+            for (int c = 0; c < 3; c++)
+                sum[c] += (double)mean[3 * ((size_t)y * (size_t)window->width + (size_t)x) + (size_t)c];
+    for (int c = 0; c < 3; c++)
+        rgb[c] = srgb(factor * sum[c] / count);
+}
+
+void picture_show(const Film *film, double exposure)
+{
+    const char *terminal = getenv("TERM"), *asked = getenv("COLUMNS"), *plain = getenv("NO_COLOR");
+    bool coloured = !(plain && *plain) && !(terminal && !strcmp(terminal, "dumb"));
+    const Window *window = &film->window;
+    int most = asked && atoi(asked) > 0 ? atoi(asked) : 80,
+        columns = window->width < most ? window->width : most;
+    int rows = (int)((double)columns * window->height / window->width / 2 + 0.5);
+    rows = rows < 1 ? 1 : rows;
+    size_t numbers = 3 * film_pixels(film);
+    float *mean = allocate(numbers, sizeof *mean), *error = allocate(numbers, sizeof *error);
+    film_estimate(film, mean, error);
+    for (int row = 0; row < rows; row++) {
+        for (int column = 0; column < columns; column++) {
+            png_byte half[2][3];
+            for (int i = 0; i < 2; i++) {
+                int64_t k = 2 * row + i;
+                box(window, mean, (int)((int64_t)column * window->width / columns),
+                    (int)((int64_t)(column + 1) * window->width / columns),
+                    (int)(k * window->height / (2 * rows)), (int)((k + 1) * window->height / (2 * rows)),
+                    exp2(exposure), half[i]);
+            }
+            int sum = half[0][0] + half[0][1] + half[0][2] + half[1][0] + half[1][1] + half[1][2];
+            if (coloured)
+                printf("\033[38;2;%d;%d;%dm\033[48;2;%d;%d;%dm\xe2\x96\x80", half[0][0], half[0][1],
+                    half[0][2], half[1][0], half[1][1], half[1][2]);
+            else
+                putchar(" .:-=+*#%@"[sum * 10 / (6 * 255 + 1)]);
+        }
+        puts(coloured ? "\033[0m" : "");
+    }
+    free(mean);
+    free(error);
 }
 
 void picture_write(

@@ -1,5 +1,6 @@
 """This machine and this raycheck, as a result names them."""
 
+import datetime
 import os
 import platform
 from pathlib import Path
@@ -30,3 +31,8 @@ def machine() -> str:
 def cores() -> int:
     """The cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def today() -> str:
+    """The day, by UTC: "2026-01-31"."""
+    return datetime.datetime.now(datetime.UTC).date().isoformat()

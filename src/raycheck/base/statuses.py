@@ -1,4 +1,4 @@
-"""How a program ends: the exit statuses of raycheck and oneray, which the README lists."""
+"""How a program ends: the exit statuses of raycheck and oneray, which docs/verdicts.md lists."""
 
 from enum import IntEnum
 

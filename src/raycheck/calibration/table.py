@@ -1,4 +1,4 @@
-"""The figures of references/calibration.json as the README shows them."""
+"""The figures of references/calibration.json as the README and docs/trust.md show them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,6 +13,15 @@ def markdown(found: Mapping[str, Any]) -> str:
          _looks(found["looks"]), _naming(found["naming"]), _unseen(found["unseen"]),
          _gradings(found["gradings"])]
     )  # fmt: skip
+
+
+def sentence(found: Mapping[str, Any]) -> str:
+    """What they come to: false alarms, and mistakes that are seen."""
+    nulls, mutants = found["nulls"], found["mutants"]
+    return (
+        f"{nulls['false_alarms']} false alarms in {nulls['verdicts']:,} verdicts on images that are right; "
+        f"{mutants['killed']['raycheck']} of {mutants['not_equivalent']} known mistakes seen."
+    )
 
 
 def _rules(mutants: Mapping[str, Any], nulls: Mapping[str, Any]) -> str:

@@ -45,6 +45,14 @@ JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="A
 JunitFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Also write the verdicts here as JUnit XML, for CI.")
 ]
+HtmlFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--html",
+        metavar="DIR",
+        help="Also leave a page for each verdict: your picture, the reference, and where they differ.",
+    ),
+]
 Seconds = Annotated[
     float | None, typer.Option(min=1, help="Budget of the whole run, 90 by default; not for --thorough.")
 ]

@@ -1,4 +1,4 @@
-"""raycheck report: race renderers, and leave one offline page."""
+"""raycheck report: race renderers, and leave offline pages."""
 
 from pathlib import Path
 from typing import Annotated
@@ -26,8 +26,9 @@ def report(
     curves: options.EarlierCurves = None,
     benchmark: options.BenchmarkFigures = None,
     stability: options.StabilityFigures = None,
+    single: Annotated[bool, typer.Option("--single", help="All of it in one file.")] = False,
 ) -> None:
-    """Leave one offline page: error against run time, pictures, error maps and verdicts."""
+    """Leave offline pages: verdicts, and of each scene pictures, error maps and error against run time."""
     writable(json_file)
     wanted = [variants.variant(scene) for scene in scenes or ()]
     from raycheck.commands.terminal import progress_bar
@@ -45,7 +46,7 @@ def report(
     else:
         races = kept_races(curves)
     with progress_bar("verifying") as on_case:
-        page = write_report(output, verification, on_case, benchmark, stability, wanted, races)
+        page = write_report(output, verification, on_case, benchmark, stability, wanted, races, single)
     if json_file and races:
         write_whole(json_file, to_json(races.scenes, races.header))
     for scene, curve in flagged(races.scenes if races and seconds > 0 else ()):

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from raycheck.base.files import write_whole
-from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.machine import machine, raycheck_version, today
 from raycheck.base.statuses import Status
 from raycheck.commands import options
 from raycheck.commands.edge import command_line
@@ -41,6 +41,7 @@ def stability(
     met = "all that was swept holds" if quick else f"all {len(results)} goals are met"
     Output().print(f"goals missed: {', '.join(missed)}" if missed else met)
     if json_file:
-        header = {"raycheck": raycheck_version(), "machine": machine(), "command": command_line()}
+        made = {"raycheck": raycheck_version(), "machine": machine(), "date": today()}
+        header = made | {"command": command_line()}
         write_whole(json_file, to_json(results, header))
     raise typer.Exit(Status.FAIL if missed else Status.DONE)

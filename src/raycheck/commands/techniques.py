@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from raycheck.base.files import write_whole
-from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.machine import machine, raycheck_version, today
 from raycheck.commands import options
 from raycheck.commands.edge import command_line
 from raycheck.commands.words import parse_settings, writable
@@ -35,5 +35,6 @@ def techniques(
     work.show(result)
     if json_file:
         budget = {"spp": spp} if spp else {"seconds": seconds}
-        header = {"raycheck": raycheck_version(), "machine": machine(), "command": command_line()} | budget
+        made = {"raycheck": raycheck_version(), "machine": machine(), "date": today()}
+        header = made | {"command": command_line()} | budget
         write_whole(json_file, prices.to_json(result, header))

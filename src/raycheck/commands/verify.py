@@ -5,10 +5,10 @@ from pathlib import Path
 import typer
 
 from raycheck.base.errors import NotFound
-from raycheck.base.files import write_whole
+from raycheck.base.files import made_folder, write_whole
 from raycheck.base.statuses import Status
 from raycheck.commands import options
-from raycheck.commands.words import parse_bias, parse_settings, writable
+from raycheck.commands.words import options_of, parse_bias, parse_settings, writable
 from raycheck.scene import techniques, variants
 
 
@@ -21,6 +21,7 @@ def verify(
     images: options.Pictures = None,
     json_file: options.JsonFile = None,
     junit: options.JunitFile = None,
+    html: options.HtmlFolder = None,
     seconds: options.Seconds = None,
     until: options.Until = None,
     detect: options.Detect = None,
@@ -60,9 +61,12 @@ def verify(
         variants.variant(scene, parameters)
     for name in technique or ():
         techniques.technique(name)
+    if html:
+        made_folder(html)
     from raycheck.commands.terminal import progress_bar
     from raycheck.commands.work import verify as work
     from raycheck.judging.cases import Verification
+    from raycheck.judging.judge_images import image_paths
     from raycheck.judging.junit import junit_xml
     from raycheck.judging.verify import verify as run_verification
     from raycheck.renderers.manifest import MANIFEST
@@ -75,6 +79,14 @@ def verify(
     limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
     going_on = resume and json_file is not None and json_file.is_file()
     before = Verification.read(baseline) if baseline else None
+    pages = None
+    if html:
+        own = options_of({
+            "renderer": renderer, "images": images, "delta": delta, "level": level, "timeout": timeout,
+            "consistent": consistent, "seed": seed or None, "spp": spp,
+        })  # fmt: skip
+        files = image_paths(images) if images else ()
+        pages = work.verdict_pages(html, [*(f"-D{one}" for one in settings or ()), *own], files)
     with progress_bar("verifying") as on_case:
         kept = Verification.read(json_file).cases if going_on and json_file else []
         rows = work.Rows()
@@ -83,12 +95,15 @@ def verify(
             needs=needs.split(",") if needs is not None else None,
             images=images, thorough=thorough, seed=seed, spp=spp, jobs=jobs, timeout=timeout, seconds=seconds,
             until=until, detect=bias, consistent=consistent, level=level, limits=limits, earlier=kept,
-            on_case=work.saving(json_file, kept, rows, on_case), on_plan=rows.plan,
+            on_case=work.saving(json_file, kept, rows, pages, on_case), on_plan=rows.plan,
+            on_images=pages.take if pages else None,
             on_samples=lambda planned: rows.samples(planned, bias or 0.0),
         )  # fmt: skip
     work.show(result)
     if before:
         work.show_changes(before, result)
+    if pages:
+        print(f"{pages.finish(result)}: open it in a browser")
     if json_file:
         write_whole(json_file, result.to_json())
     if junit:

@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from raycheck.base.errors import NotFound
@@ -36,3 +37,8 @@ def writable(path: Path | None) -> None:
     """Say before a long run, not after it, that its result cannot be written."""
     if path is not None and (path.is_dir() or not Path(os.path.realpath(path)).parent.is_dir()):
         raise NotFound(f"{path}: there is no such folder, or it is one")
+
+
+def options_of(values: Mapping[str, object]) -> list[str]:
+    """Options, by name, as words of a command line; those that are None are left out."""
+    return [word for name, value in values.items() if value is not None for word in (f"--{name}", str(value))]

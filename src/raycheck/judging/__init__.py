@@ -33,5 +33,6 @@ timetable     the seconds of a run: which cases fit into them, and the time of a
 judge_images  verdicts on pictures that are already rendered, even a single one
 inspection    raycheck diagnose: all that can be said of images that nobody has judged
 compare       two images by the standard errors that they carry
+verdict_pages what was rendered, the reference and where they differ, a page for each verdict
 junit         verdicts as XML for continuous integration
 """

@@ -35,6 +35,8 @@ class Case:
     images: int = 0
     """Judged images of both sets together."""
     tiles: int = 0
+    tile: Sequence[int] | None = None
+    """Row, column, height and width of the tile that is furthest off or, INCONCLUSIVE, known least."""
     channel: str | None = None
     mde_tile_max: float | None = None
     p_image: float | None = None

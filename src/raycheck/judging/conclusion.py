@@ -88,7 +88,18 @@ def figures(found: Judgement, regions: list[Tile]) -> dict[str, Any]:
     more = found.more_samples if found.outcome is Outcome.INCONCLUSIVE else None
     channel = sentences.CHANNELS[found.channel]
     same = {name: getattr(found, name) for name in FIGURES}
-    return same | {"tiles": len(regions) - 1, "channel": channel, "more_samples": more}
+    return same | {
+        "tiles": len(regions) - 1, "channel": channel, "more_samples": more, "tile": _tile(found, regions)
+    }  # fmt: skip
+
+
+def _tile(found: Judgement, regions: list[Tile]) -> tuple[int, int, int, int] | None:
+    """Where the picture is furthest off, or known least; the first region is the whole."""
+    told = [one for one in found.findings or found.undecided if one.region > 0]
+    if not told:
+        return None
+    tile = regions[(sentences.furthest(told) if found.findings else told[0]).region]
+    return tile.row, tile.column, tile.height, tile.width
 
 
 def measured(

@@ -27,7 +27,7 @@ from raycheck.judging.plan import (
     residual_skewness,
     tile_skewness,
 )
-from raycheck.judging.settings import BATCHES
+from raycheck.judging.settings import BATCHES, OnImages
 from raycheck.scene import variants
 from raycheck.scene.content import read_content
 from raycheck.stats.tiles import Tile, region_means
@@ -49,7 +49,9 @@ def image_paths(images: str | Sequence[str | Path]) -> list[Path]:
     return [Path(p) for p in images]
 
 
-def judge_files(of: variants.Variant, files: list[Path], limits: Limits) -> Case:
+def judge_files(
+    of: variants.Variant, files: list[Path], limits: Limits, on_images: OnImages | None = None
+) -> Case:
     """Judge picture files; one that cannot be read is a FAIL."""
     loaded: list[Image] = []
     for file in files:
@@ -57,13 +59,16 @@ def judge_files(of: variants.Variant, files: list[Path], limits: Limits) -> Case
             loaded.append(load_image(file))
         except ImageError as error:
             return Case(of.label, "images", Outcome.FAIL, str(error), images=len(files))
-    return judge_pictures(of, loaded, [str(file) for file in files], limits)
+    return judge_pictures(of, loaded, [str(file) for file in files], limits, on_images)
 
 
 def judge_pictures(
-    of: variants.Variant, loaded: Sequence[Image], names: Sequence[str], limits: Limits
-) -> Case:
-    """Judge pictures that were already rendered, even a single one; their names are for messages."""
+    of: variants.Variant, loaded: Sequence[Image], names: Sequence[str], limits: Limits,
+    on_images: OnImages | None = None,
+) -> Case:  # fmt: skip
+    """Judge pictures that were already rendered, even a single one; their names are for messages. `on_images`
+    hears of those that can be judged.
+    """
     truth = truth_of(references.load_reference(of))
     case = case_maker(of.label, "images", truth, images=len(loaded))
     try:
@@ -71,6 +76,8 @@ def judge_pictures(
             check_contract(image, truth, name)
     except Broken as error:
         return case(Outcome.FAIL, str(error))
+    if on_images:
+        on_images(of.label, "images", truth, 1, np.stack([image.pixels for image in loaded]))
     problem = checks.seed_problem([checks.digest(i) for i in loaded], names, truth.varies)
     if problem:
         return case(Outcome.FAIL, problem)

@@ -307,7 +307,10 @@ class Renders:
             f"seed {seed}" if task.renderer.takes_seed else f"run {first + i}" for i, seed in enumerate(seeds)
         )
         self.digests.extend(checks.digest(m.image) for m in made)
-        return np.stack([m.image.pixels for m in made]), made
+        images = np.stack([m.image.pixels for m in made])
+        if self.settings.on_images:
+            self.settings.on_images(task.label, task.technique, self.truth, spp, images)
+        return images, made
 
     def check_seeds(self) -> None:
         problem = checks.seed_problem(self.digests, self.labels, self.truth.varies)

@@ -157,6 +157,11 @@ def _amount_of(finding: Finding) -> str:
     return amount(finding.bias, finding.low, finding.high)
 
 
+def furthest(tiles: Sequence[Finding]) -> Finding:
+    """The tile that is furthest off for sure."""
+    return max(tiles, key=lambda f: min(abs(f.low), abs(f.high)) if f.low * f.high > 0 else 0.0)
+
+
 def _failure(found: Judgement, regions: list[Tile], height: int, width: int) -> str:
     image = [f for f in found.findings if f.region == 0]
     tiles = [f for f in found.findings if f.region > 0]
@@ -166,7 +171,7 @@ def _failure(found: Judgement, regions: list[Tile], height: int, width: int) -> 
         alone = "" if len(image) == 3 else f" in {' and '.join(sorted({CHANNELS[f.channel] for f in image}))}"
         parts.append(f"the image as a whole is {_amount_of(worst)}{alone}")
     if tiles:
-        largest = max(tiles, key=lambda f: min(abs(f.low), abs(f.high)) if f.low * f.high > 0 else 0.0)
+        largest = furthest(tiles)
         where = place(regions[largest.region], height, width)
         count, total = found.tile_differences, len(regions) - 1
         which = f"all {total} tiles differ" if count == total else f"{count} of {total} tiles differ"

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
+from raycheck.base.arrays import Array
 from raycheck.base.seeds import make_seeds
 from raycheck.judging.cases import Case
 from raycheck.judging.plan import Goals
@@ -31,6 +32,12 @@ FINE_SECONDS, THOROUGH_SECONDS = 8.0, 300.0
 smaller ones and 1 % of most tiles.
 """
 MOST_SPP = 1 << 16
+
+
+OnImages = Callable[[str, str, Truth, int, Array], None]
+"""Hears of pictures: scene, technique, truth, samples per pixel (1 where the renderer chooses), and the
+pictures (B, H, W, 3).
+"""
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,7 @@ class Settings:
     """Looked at until it is decided, see judging.repeated."""
     earlier: Mapping[str, Case] = field(default_factory=dict)
     """Verdicts that stand, by fingerprint."""
+    on_images: OnImages | None = None
 
     def wishes(self, truth: Truth, unbounded: bool) -> list[tuple[Goals, float]]:
         """Detectable biases to reach and the seconds that they are worth, the best first; of samples without

@@ -32,6 +32,7 @@ from raycheck.judging.settings import (
     QUICK_CASE_SECONDS,
     QUICK_SECONDS,
     THOROUGH_SECONDS,
+    OnImages,
     Settings,
     case_seeds,
 )
@@ -69,6 +70,7 @@ def verify(
     on_case: Callable[[Case, int], None] | None = None,
     on_plan: Callable[[Timetable], None] | None = None,
     on_samples: Callable[[Sequence[Planned]], None] | None = None,
+    on_images: OnImages | None = None,
     clock: Callable[[], float] = time.perf_counter,
     times: bool = True,
 ) -> Verification:
@@ -96,6 +98,7 @@ def verify(
     seconds. With `detect` each case takes the samples that show such a relative bias of the image with 90 %
     probability, however long; `on_samples` hears of these before the first verdict. With `consistent`,
     "PARAM=v1,v2,v3,v4" from coarse to fine, the limit of the bias is judged of a command that takes {PARAM}.
+    `on_images(scene, technique, truth, spp, images)` hears of the pictures as they are rendered.
     `level` is the chance that any FAIL of the whole run is wrong, by default 1e-5 for each case. Time goes by
     `clock`, and `times` says whether a picture may be rendered for its time alone where `spp` is given.
     Raises `raycheck.NotFound` where nothing can be judged.
@@ -109,7 +112,7 @@ def verify(
     if images is not None:
         if needs is not None:
             raise NotFound("--needs chooses scenes for a renderer: it does not go with --images")
-        cases = [_judge_pictures(named, len(scenes), images, bool(renderer or techniques), limits)]
+        cases = [_judge_pictures(named, len(scenes), images, bool(renderer or techniques), limits, on_images)]
         if on_case:
             on_case(cases[0], 1)
         return Verification(cases, _header(clock() - started, cases, {}, thorough, seed, jobs))
@@ -125,7 +128,7 @@ def verify(
         or (600.0 if thorough or detect else max(60.0, until or 0.0)),
         detect=detect, repeated=until is not None,
         earlier={case.fingerprint: case for case in earlier if case.fingerprint},
-        budget=whole_time, clock=clock, times=times,
+        budget=whole_time, clock=clock, times=times, on_images=on_images,
     )  # fmt: skip
     sweep = Sweep.parse(consistent) if consistent is not None else None
     with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
@@ -185,14 +188,14 @@ def level_of_case(level: float | None, cases: int) -> float:
 
 def _judge_pictures(
     named: Sequence[variants.Variant], scenes: int, images: str | Sequence[str | Path], more: bool,
-    limits: Limits,
+    limits: Limits, on_images: OnImages | None,
 ) -> Case:  # fmt: skip
     """The verdict on pictures that are already rendered; NotFound where the request makes no sense."""
     if more:
         raise NotFound("--images judges pictures: it goes with neither --renderer nor --technique")
     if scenes != 1:
         raise NotFound("--images needs one SCENE, the one that the pictures show")
-    return judge_files(named[0], image_paths(images), limits)
+    return judge_files(named[0], image_paths(images), limits, on_images)
 
 
 @dataclass

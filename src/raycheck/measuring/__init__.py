@@ -1,8 +1,7 @@
-"""What rendering costs, how far it holds, and the page that shows it.
+"""What rendering costs, how far it holds, and the pages that show it.
 
 In come scenes and renderers. Out come figures with their spread over interleaved rounds, tables of them for
-the terminal and the README, files that they are kept in, plots, and the report: one page that needs no
-network.
+the terminal and docs/, files that they are kept in, plots, and the report: pages that need no network.
 
 contestants   renderers that race: a command for each picture, or Mitsuba in a process that stays; process
               time
@@ -12,7 +11,8 @@ races         error against run time at doubling sample counts
 race_plots    the figures of a race as plots and tables
 speed         what scripts/benchmark.py measured
 stability     how far renderers hold in stiff cases
-log_log       curves in a plot with logarithmic axes, as SVG
-report        the page
+log_log       curves in a plot with logarithmic axes, as data for it
+matrix        verdicts by scene and technique, and why there is none
+report        the pages
 step          a step of a long measurement, for a progress bar
 """

@@ -1,4 +1,4 @@
-"""Prices as tables, for a terminal and for the README."""
+"""Prices as tables, for a terminal and for docs/techniques.md."""
 
 from collections.abc import Sequence
 
@@ -58,7 +58,7 @@ def lecture_ids(ids: Sequence[str]) -> str:
 
 
 def markdown(scenes: Sequence[ScenePrices]) -> str:
-    """A README's table of some scenes: a technique a line, in the order of the lecture, and in each scene's
+    """A page's table of some scenes: a technique a line, in the order of the lecture, and in each scene's
     column "efficiency × (variance × · time ×)".
     """
     by_name = [{p.technique: p for p in one.prices} for one in scenes]

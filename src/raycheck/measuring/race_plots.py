@@ -1,21 +1,18 @@
-"""Error curves as SVG and tables for the report, and their pictures packed for its viewer."""
+"""Error curves as data for the pages' plots, and as tables; their pictures packed for the viewer."""
 
 import base64
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from raycheck.base import pictures
 from raycheck.base.arrays import Array
 from raycheck.base.text import number
-from raycheck.measuring import log_log
-from raycheck.measuring.log_log import LEFT, RIGHT, WIDTH, Axes
 from raycheck.measuring.races.curves import Curve, SceneCurves, Shown
+from raycheck.measuring.races.measured import TARGET
 from raycheck.stats.convergence import SLOPE, SLOPE_WITHIN, Band, Level
 
 COLOURS = 5
@@ -32,16 +29,8 @@ METRICS: Mapping[str, Callable[[Level], Band]] = {
     "√relMSE": lambda level: _root(level.relmse),
     "√relMSE without outliers": lambda level: _root(level.relmse_without_outliers),
 }
-SPLIT = "bias and standard deviation"
-
-
-@dataclass(frozen=True)
-class Figure:
-    """Two plots of one metric."""
-
-    metric: str
-    over_seconds: Markup
-    over_samples: Markup
+SPLIT = ("standard deviation", "bias")
+"""The last of the choices shows both, without the noise of the reference."""
 
 
 @dataclass(frozen=True)
@@ -69,132 +58,49 @@ def colours(scene: SceneCurves) -> dict[str, int]:
     return {name: index for index, name in enumerate(names[:COLOURS])}
 
 
-def figures(scene: SceneCurves) -> list[Figure]:
-    """The plots of each metric, then bias and standard deviation apart."""
-    found = []
-    for metric, of in METRICS.items():
-        floor = scene.floor if metric.startswith("RMSE") else 0.0
-        plots = [_plot(scene, metric, of, floor, over) for over in ("seconds", "samples")]
-        if all(plots):
-            found.append(Figure(metric, *plots))
-    split = [_split(scene, over) for over in ("seconds", "samples")]
-    return [*found, Figure(SPLIT, *split)] if all(split) else found
-
-
-Places = list[tuple[float, Band]]
-
-
-def _points(curve: Curve, of: Callable[[Level], Band], over: str) -> Places:
-    """(seconds or samples, error) where there is an error."""
-    pairs = [(curve.seconds(x.spp) if over == "seconds" else float(x.spp), of(x)) for x in curve.levels]
-    return [(x, band) for x, band in pairs if band.value > 0]
-
-
-def _label(over: str) -> str:
-    return "process time, seconds" if over == "seconds" else "samples per pixel"
-
-
-def _plot(scene: SceneCurves, metric: str, of: Callable[[Level], Band], floor: float, over: str) -> Markup:
-    """All curves of a metric, the grey ones below; the slope −½ and the noise of the reference."""
-    shown = {c.name: _points(c, of, over) for c in scene.curves}
-    shown = {name: points for name, points in shown.items() if points}
-    if not shown:
-        return Markup("")
-    axes = _axes(list(shown.values()), [floor] if floor > 0 else [])
-    parts = axes.begin(_label(over), metric, f"{scene.scene}, {metric} over {over}: {', '.join(shown)}")
-    parts += [_guide(axes, list(shown.values())), _floor(axes, floor)]
-    chosen = colours(scene)
-    for name in sorted(shown, key=lambda name: chosen.get(name, -1)):
-        parts.append(_drawn(axes, name, shown[name], chosen.get(name), _spread(scene, name, over)))
-    return Markup("".join([*parts, "</svg>"]))
-
-
-def _spread(scene: SceneCurves, name: str, over: str) -> tuple[float, float] | None:
-    """Fastest and slowest round over the median."""
-    spread = next(c.sample_seconds for c in scene.curves if c.name == name)
-    if over != "seconds" or spread is None:
-        return None
-    return spread.low / spread.median, spread.high / spread.median
-
-
-def _axes(curves_of_points: Sequence[Places], more: Sequence[float] = ()) -> Axes:
-    every = [point for points in curves_of_points for point in points]
-    return Axes([x for x, _ in every], [*(band.value for _, band in every), *more])
-
-
-def _drawn(
-    axes: Axes, name: str, points: Places, colour: int | None, spread: tuple[float, float] | None
-) -> str:
-    """A curve: its band, its line and markers, and how far apart the rounds were in time at its end."""
-    places = [axes.place(x, band.value) for x, band in points]
-    known = f'data-name="{escape(name)}"'
-    title = f"<title>{escape(name)}</title>"
-    if colour is None:
-        return f'<g class="other" {known}>{title}{log_log.curve(3, places, [])}</g>'
-    least = 10.0**axes.y0
-    upper = [axes.place(x, max(band.high, least)) for x, band in points]
-    lower = [axes.place(x, max(band.low, least)) for x, band in points]
-    outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in [*upper, *reversed(lower)])
-    band = f'<g class="curve{colour}"><polygon points="{outline}"/></g>'
-    line = log_log.curve(colour, places, places)
-    return f"<g {known}>{title}{band}{line}{_whisker(axes, colour, points, spread)}</g>"
-
-
-def _whisker(axes: Axes, colour: int, points: Places, spread: tuple[float, float] | None) -> str:
-    if spread is None:
-        return ""
-    x, band = points[-1]
-    (left, y), (right, _) = (axes.place(x * part, band.value) for part in spread)
-    return f'<line class="curve{colour} whisker" x1="{left:.1f}" y1="{y:.1f}" x2="{right:.1f}" y2="{y:.1f}"/>'
-
-
-def _guide(axes: Axes, curves_of_points: Sequence[Places]) -> str:
-    """A dashed line of slope −½ through the middle of all points."""
-    every = [(math.log10(x), math.log10(band.value)) for points in curves_of_points for x, band in points]
-    x, y = (sum(values) / len(every) for values in zip(*every, strict=True))
-    low, high = axes.x0, axes.x1
-    if y + SLOPE * (low - x) > axes.y1:
-        low = x + (axes.y1 - y) / SLOPE
-    if y + SLOPE * (high - x) < axes.y0:
-        high = x + (axes.y0 - y) / SLOPE
-    ends = [axes.place(10**end, 10 ** (y + SLOPE * (end - x))) for end in (low, high)]
-    (x1, y1), (x2, y2) = ends
-    text = f'<text class="guide" x="{x2 - 4:.1f}" y="{y2 - 6:.1f}" text-anchor="end">slope −½</text>'
-    return f'<line class="guide" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>{text}'
-
-
-def _floor(axes: Axes, floor: float) -> str:
-    if floor <= 0:
-        return ""
-    _, y = axes.place(10.0**axes.x0, floor)
-    return (
-        f'<line class="floor" x1="{LEFT}" y1="{y:.1f}" x2="{WIDTH - RIGHT}" y2="{y:.1f}"/>'
-        f'<text class="guide" x="{LEFT + 4}" y="{y - 4:.1f}">noise of the reference</text>'
-    )
-
-
-def _split(scene: SceneCurves, over: str) -> Markup:
-    """Standard deviation (solid) and bias (dashed, with its band) of the curves in colour; a bias that its
-    interval does not tell from 0 is drawn at the upper end of the interval.
+def plots(scene: SceneCurves) -> dict[str, Any] | None:
+    """What plots.js draws of a scene: relative errors, with their bands, at the levels of each contestant,
+    and the seconds of a sample; None where nobody has a curve.
     """
     chosen = colours(scene)
-    found: list[tuple[str, int, Places, Places]] = []
-    for curve in scene.curves:
-        if curve.name in chosen and curve.levels:
-            spread = _points(curve, lambda level: _root(level.variance), over)
-            bias = _points(curve, lambda level: _bias_bound(level.bias2), over)
-            found.append((curve.name, chosen[curve.name], spread, bias))
-    every = [points for _, _, spread, bias in found for points in (spread, bias) if points]
-    if not every:
-        return Markup("")
-    axes = _axes(every)
-    about = f"{scene.scene}, standard deviation and bias over {over}: {', '.join(name for name, *_ in found)}"
-    parts = [*axes.begin(_label(over), SPLIT, about), _guide(axes, [spread for _, _, spread, _ in found])]
-    for name, colour, spread, bias in found:
-        parts.append(_drawn(axes, name, spread, colour, None))
-        line = log_log.curve(colour, [axes.place(x, band.value) for x, band in bias], [])
-        parts.append(f'<g data-name="{escape(name)}">{line}</g>')
-    return Markup("".join([*parts, "</svg>"]))
+    drawn = [one for one in scene.curves if one.levels and one.sample_seconds]
+    if not drawn or scene.mean <= 0:
+        return None
+    return {
+        "scene": scene.scene, "floor": scene.floor / scene.mean, "target": TARGET,
+        "choices": [*METRICS, "bias and standard deviation"],
+        "curves": [_drawn(one, chosen.get(one.name), scene.mean) for one in drawn],
+    }  # fmt: skip
+
+
+def _drawn(one: Curve, colour: int | None, mean: float) -> dict[str, Any]:
+    """A contestant: its errors over the mean of the reference, (value, low, high) at each level; None where
+    there is none.
+    """
+    bands = {name: list(map(of, one.levels)) for name, of in METRICS.items()}
+    spread = [_root(level.variance) for level in one.levels]
+    bias = [_bias_bound(level.bias2) for level in one.levels]
+    shares = {name: 1.0 if name.startswith("√") else mean for name in bands}
+    errors = {name: [_relative(band, shares[name]) for band in found] for name, found in bands.items()}
+    errors |= {name: [_relative(band, mean) for band in found]
+               for name, found in zip(SPLIT, (spread, bias), strict=True)}  # fmt: skip
+    spread_seconds = one.sample_seconds
+    assert spread_seconds
+    return {
+        "name": one.name, "colour": colour, "spp": [level.spp for level in one.levels],
+        "seconds": spread_seconds.median, "errors": errors, "told": told(one),
+    }  # fmt: skip
+
+
+def _relative(band: Band, mean: float) -> list[float] | None:
+    return [band.value / mean, max(band.low, 0.0) / mean, band.high / mean] if band.value > 0 else None
+
+
+def told(one: Curve) -> str:
+    """How long to an error of 1 %, in words."""
+    if one.seconds_to_target is None:
+        return "never gets to 1 %: it is biased" if one.flag == "bias" else "no time to 1 % is known"
+    return f"1 % after {number(one.seconds_to_target)} s"
 
 
 def _bias_bound(bias2: Band) -> Band:
@@ -203,51 +109,21 @@ def _bias_bound(bias2: Band) -> Band:
     return root if bias2.low > 0 else Band(root.high, root.low, root.high)
 
 
-BAR, GAP, NAMES = 18, 6, 150
-
-
-def efficiency_bars(scene: SceneCurves) -> Markup:
-    """1/(variance · time) over the baseline's, the best on top, on a logarithmic scale around 1."""
-    shown = sorted(
-        (c for c in scene.curves if c.relative_efficiency),
-        key=lambda c: -c.relative_efficiency.value,  # type: ignore[union-attr]
-    )
-    if not shown:
-        return Markup("")
-    bands = [c.relative_efficiency for c in shown if c.relative_efficiency]
-    low = math.floor(math.log10(min([1.0, *(b.low for b in bands)])))
-    high = max(math.ceil(math.log10(max([1.0, *(b.high for b in bands)]))), low + 1)
-    height = len(shown) * (BAR + GAP) + 22
-
-    def across(value: float) -> float:
-        return NAMES + (math.log10(value) - low) / (high - low) * (WIDTH - NAMES - 60)
-
-    about = "; ".join(f"{c.name} {number(b.value)}" for c, b in zip(shown, bands, strict=True))
-    parts = [f'<svg class="plot bars" viewBox="0 0 {WIDTH} {height}" role="img" '
-             f'aria-label="{escape(f"efficiency over that of {scene.baseline}: {about}")}">']  # fmt: skip
-    for n in range(low, high + 1):
-        x = across(10.0**n)
-        parts.append(f'<line class="grid" x1="{x:.1f}" y1="0" x2="{x:.1f}" y2="{height - 20}"/>')
-        parts.append(f'<text x="{x:.1f}" y="{height - 5}" text-anchor="middle">{_power(n)}</text>')
+def efficiencies(scene: SceneCurves) -> list[tuple[str, int | None, Band, float]]:
+    """Contestants by 1/(variance · time) over the baseline's, the best first, each with its colour and the
+    share of the widest bar, on a logarithmic scale that begins at the least.
+    """
+    found = [(one.name, one.relative_efficiency) for one in scene.curves if one.relative_efficiency]
+    found.sort(key=lambda pair: -pair[1].value)
+    if not found:
+        return []
+    low = math.log10(min(band.low for _, band in found) * 0.8)
+    most = math.log10(max(band.high for _, band in found)) - low
     chosen = colours(scene)
-    for index, (curve, band) in enumerate(zip(shown, bands, strict=True)):
-        y = index * (BAR + GAP) + 2
-        left, right = sorted((across(1.0), across(band.value)))
-        colour = chosen.get(curve.name)
-        kind = "other" if colour is None else f"curve{colour}"
-        parts.append(
-            f'<text x="{NAMES - 6}" y="{y + 13}" text-anchor="end">{escape(curve.name)}</text>'
-            f'<g class="{kind}" data-name="{escape(curve.name)}"><rect x="{left:.1f}" y="{y}" '
-            f'width="{max(right - left, 1):.1f}" height="{BAR}"/></g><line class="whisker" '
-            f'x1="{across(band.low):.1f}" y1="{y + BAR / 2}" '
-            f'x2="{across(band.high):.1f}" y2="{y + BAR / 2}"/>'
-            f'<text x="{across(max(band.high, 1.0)) + 5:.1f}" y="{y + 13}">{number(band.value)}</text>'
-        )
-    return Markup("".join([*parts, "</svg>"]))
-
-
-def _power(n: int) -> str:
-    return f"{10.0**n:g}" if -3 <= n < 0 else log_log.power_of_ten(n)
+    return [
+        (name, chosen.get(name), band, max((math.log10(band.value) - low) / most, 0.01))
+        for name, band in found
+    ]
 
 
 COLUMNS = (

@@ -1,29 +1,29 @@
-"""The report: one offline page with pictures, error maps, verdicts, and error against run time."""
+"""The report: an index of all verdicts, and offline pages of scenes and techniques with pictures, error maps,
+and error against run time.
+"""
 
 import json
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
-from markupsafe import Markup
 
 from raycheck.base import data, pictures
 from raycheck.base.arrays import Array
-from raycheck.base.data import PACKAGE
 from raycheck.base.errors import NotFound
-from raycheck.base.files import write_whole
 from raycheck.base.images import Image
-from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.machine import machine, raycheck_version, today
 from raycheck.base.seeds import make_seeds
-from raycheck.base.text import duration, percent, signed
+from raycheck.base.site import INDEX, Site
 from raycheck.judging.cases import Case, Verification
+from raycheck.judging.verdict_pages import VERDICTS, page_name
 from raycheck.judging.verify import verify
-from raycheck.measuring import log_log, race_plots, speed
+from raycheck.measuring import log_log, price_tables, prices, race_plots, speed
 from raycheck.measuring.contestants import oneray_line
+from raycheck.measuring.matrix import matrix
 from raycheck.measuring.races.curves import Curve, SceneCurves
 from raycheck.measuring.races.curves import read as read_curves
 from raycheck.measuring.stability import plots
@@ -55,6 +55,8 @@ class Picture:
 class SceneSection:
     name: str
     about: str
+    width: int
+    height: int
     pictures: list[Picture]
     cases: list[dict[str, Any]]
     left_out: dict[str, list[str]]
@@ -62,6 +64,8 @@ class SceneSection:
     reference: str
     curves: dict[str, Any] | None = None
     """What the template curves.html shows, as a dictionary."""
+    data: dict[str, Any] = field(default_factory=dict)
+    """What its scripts show."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,16 @@ class Races:
     scenes: Sequence[SceneCurves]
     header: Mapping[str, object]
     pictures: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    kept: bool = False
+    """They were read from the references."""
 
     def of(self, scene: str) -> SceneCurves | None:
         return next((one for one in self.scenes if one.scene == scene), None)
+
+    def badge(self, scene: SceneCurves | None) -> "Badge":
+        """Where and when a scene's were measured, or most."""
+        own = {"machine": scene.machine, "date": scene.date} if scene and scene.machine else self.header
+        return Badge(str(own.get("machine", "")), str(own.get("date", ""))[:10], self.kept)
 
 
 def kept_races(path: Path | None = None) -> Races | None:
@@ -82,7 +93,7 @@ def kept_races(path: Path | None = None) -> Races | None:
     if path is None and not kept.is_file():
         return None
     scenes, header = read_curves(path or kept)
-    return Races(scenes, header)
+    return Races(scenes, header, kept=path is None)
 
 
 def check_inputs(verification: Path | None, benchmark: Path | None, stability: Path | None) -> None:
@@ -103,31 +114,108 @@ def write_report(
     stability: Path | None = None,
     scenes: Sequence[Variant] = (),
     races: Races | None = None,
+    single: bool = False,
 ) -> Path:
-    """Write `folder`/index.html and return its path; verifies quickly where no result of `verify --json` is
-    given. `benchmark` is a result of scripts/benchmark.py, `stability` one of `raycheck stability --json`, by
-    default those of the references if there are any. `scenes` are all canonical ones by default.
+    """Write `folder`/index.html, with a page for each scene and technique beside it or, `single`, all in it,
+    and return its path; verifies quickly where no result of `verify --json` is given. `benchmark` is a result
+    of scripts/benchmark.py, `stability` one of `raycheck stability --json`, by default those of the
+    references if there are any. `scenes` are all canonical ones by default.
     """
     measured = speed_section(benchmark)
     stiff = stability_section(stability)
-    wanted = scenes or [variants.variant(name) for name in variants.scene_names()]
+    wanted = list(scenes) or [variants.variant(name) for name in variants.scene_names()]
     verdicts = _verdicts(verification, on_case, scenes)
     oneray = oneray_path()
     labels = [of.label for of in wanted]
-    cases = [case for case in verdicts["cases"] if case["scene"] in labels]
-    sections = [_section(of, oneray, [c for c in cases if c["scene"] == of.label], races) for of in wanted]
-    page = template().render(
-        sections=sections, cases=cases, races=_races_summary(races, wanted) if races else None,
-        lecture=_lecture(oneray) if LECTURE_SCENE in labels else [], speed=measured, stability=stiff,
-        legend=pictures.data_uri(pictures.legend()), range=int(pictures.RANGE), verdicts=verdicts,
-        summary=_summary(cases), machine=machine(), version=raycheck_version(), techniques=TECHNIQUES,
-        verification="raycheck verify" + (" --thorough" if verdicts.get("mode") == "thorough" else ""),
-        percent=percent, signed=signed, duration=duration, spp=PICTURE_SPP, lecture_spp=LECTURE_SPP,
+    cases = [case for case in verdicts["cases"] if _shown_at(case["scene"], labels)]
+    site = Site(folder, single)
+    badges = {"verdicts": _badge(verdicts, verification), "here": Badge(machine(), today(), kept=False)}
+    common: dict[str, Any] = {
+        "badges": badges, "verdicts": verdicts, "spp": PICTURE_SPP,
+        "legend": site.picture("scale", pictures.legend()),
+        "verification": "raycheck verify" + (" --thorough" if verdicts.get("mode") == "thorough" else ""),
+    }  # fmt: skip
+    sections = []
+    for of in wanted:
+        own = [case for case in cases if _shown_at(case["scene"], [of.label])]
+        sections.append(_section(of, oneray, own, races, site, folder))
+    raced = _races_summary(races, wanted) if races else None
+    costs = _prices(labels)
+    site.page(
+        INDEX, "One scene file, two renderers, one verdict", "index.html", sections=sections, cases=cases,
+        races=raced, lecture=_lecture(oneray, site) if LECTURE_SCENE in labels else [], speed=measured,
+        stability=stiff, summary=_summary(cases), machine=machine(), version=raycheck_version(),
+        techniques=TECHNIQUES, matrix=matrix(wanted, cases), lecture_spp=LECTURE_SPP,
+        failed=[case for case in cases if case["verdict"] == Outcome.FAIL], **common,
     )  # fmt: skip
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "index.html"
-    write_whole(path, page)
-    return path
+    for before, section, after in zip([None, *sections], sections, [*sections[1:], None], strict=False):
+        site.page(
+            f"scene-{section.name}", section.name, "scene.html", data=bool(section.data), section=section,
+            before=before, after=after, columns=race_plots.COLUMNS, **common,
+        )  # fmt: skip
+        if section.data:
+            site.data(f"scene-{section.name}", section.data)
+    for technique_ in TECHNIQUES:
+        site.page(
+            f"technique-{technique_.name}", technique_.name, "technique.html", technique=technique_,
+            cases=[case for case in cases if case["technique"] == technique_.name],
+            left_out=_left_out_of(technique_.name, wanted), prices=costs.get(technique_.name, []),
+            price_badge=_badge(_header_of("techniques.json"), data.references_dir()), **common,
+        )  # fmt: skip
+    for name, found in (("speed", measured), ("stability", stiff)):
+        if found:
+            site.page(name, name.title(), f"{name}.html", data=True, **{name: found}, **common)
+            site.data(name, {"plots": found["drawn"]})
+    return site.finish("One scene file, two renderers, one verdict")
+
+
+@dataclass(frozen=True)
+class Badge:
+    """Where and when figures were measured: kept in the references, or just now."""
+
+    machine: str
+    date: str
+    kept: bool = True
+
+
+def _badge(header: Mapping[str, Any], path: Path | None) -> Badge:
+    """Of a result with this header that was read from a file; none was read where this run made it."""
+    where = header.get("machine", "another machine")
+    if not isinstance(where, str):
+        where = where.get("processor", "another machine")
+    kept = path is not None and path.resolve().is_relative_to(data.references_dir().resolve())
+    return Badge(where, str(header.get("date", ""))[:10], kept)
+
+
+def _header_of(name: str) -> dict[str, Any]:
+    path = data.references_dir() / name
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return found
+
+
+def _shown_at(label: str, scenes: Sequence[str]) -> bool:
+    """Whether one of these scenes' pages tells of a scene or of its variant."""
+    return label in scenes or label.partition("@")[0] in scenes
+
+
+def _left_out_of(name: str, wanted: Sequence[Variant]) -> dict[str, list[str]]:
+    """The scenes that a technique does not apply to, by the reason."""
+    found: dict[str, list[str]] = {}
+    for of in wanted:
+        if why := technique(name).why_not(read_content(of.path, of.parameters)):
+            found.setdefault(why, []).append(of.label)
+    return found
+
+
+def _prices(labels: Collection[str]) -> dict[str, list[tuple[str, ...]]]:
+    """What each technique costs, a row of a scene each, of the references."""
+    path = data.references_dir() / "techniques.json"
+    found: dict[str, list[tuple[str, ...]]] = {}
+    for scene in prices.read(path) if path.is_file() else ():
+        for price in scene.prices if scene.scene in labels else ():
+            _, _, *cells = price_tables.row(price)
+            found.setdefault(price.technique, []).append((scene.scene, *cells))
+    return found
 
 
 def _verdicts(
@@ -145,14 +233,9 @@ def _verdicts(
         raise NotFound(f"{path}: an unfinished result of raycheck verify --json (no {error})") from None
 
 
-def template(name: str = "report.html") -> jinja2.Template:
-    """The page, or a part of it."""
-    loader = jinja2.FileSystemLoader(PACKAGE / "templates")
-    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template(name)
-
-
-def _section(of: Variant, oneray: Path, cases: list[dict[str, Any]], races: Races | None) -> SceneSection:
+def _section(
+    of: Variant, oneray: Path, cases: list[dict[str, Any]], races: Races | None, site: Site, folder: Path
+) -> SceneSection:
     reference = references.load_reference(of)
     truth = truth_of(reference)
     raced = races.of(of.label) if races else None
@@ -162,36 +245,65 @@ def _section(of: Variant, oneray: Path, cases: list[dict[str, Any]], races: Race
     source = "closed form" if truth.closed_form else reference.made_by
     samples = reference.batches * reference.spp_per_batch
     error = pictures.error_map(ours.pixels, truth.mean, np.sqrt(stderr**2 + truth.variance))
+    height, width = truth.shape
+
+    def kept(what: str, pixels: pictures.Bytes) -> str:
+        return site.picture(f"{of.label}-{what}", pixels)
+
     return SceneSection(
         name=of.label,
         about=_about(of.path),
+        width=width,
+        height=height,
         pictures=[
-            Picture(pictures.data_uri(pictures.display(truth.mean, factor)), f"reference: {source}"),
-            Picture(pictures.data_uri(pictures.display(ours.pixels, factor)),
+            Picture(kept("reference", pictures.display(truth.mean, factor)), f"reference: {source}"),
+            Picture(kept("oneray", pictures.display(ours.pixels, factor)),
                     f"oneray, {BEST}, {PICTURE_SPP} spp", shown.command, shown.seconds),
-            Picture(pictures.data_uri(error), "oneray − reference, in standard errors"),
+            Picture(kept("error", error), "oneray − reference, in standard errors"),
         ],
-        cases=cases,
+        cases=[case | _shown_case(case, of, folder) for case in cases],
         left_out=left_out(read_content(of.path, of.parameters)),
         reference=f"{source}; {reference.made_by} rendered {samples:,} samples per pixel "
         f"in {reference.batches} batches",
         curves=_curves_section(raced, races) if races and raced else None,
+        data=_curves_data(raced, races) if races and raced else {},
     )  # fmt: skip
+
+
+def _shown_case(case: Mapping[str, Any], of: Variant, folder: Path) -> dict[str, Any]:
+    """The commands of a verdict and of its picture, and the page that has its pictures."""
+    name = case["technique"]
+    command = shlex.join(["raycheck", "verify", case["scene"], "--technique", name])
+    page = folder / VERDICTS / "pages" / f"{page_name(case['scene'], name)}.html"
+    known = next((one for one in TECHNIQUES if one.name == name), None)
+    judged = variants.variant(case["scene"]) if of.canonical else of
+    picture = oneray_line(judged, known.options) if known else ""
+    return {
+        "command": command, "picture": picture.replace("{spp}", "1024").replace("{seed}", "1"),
+        "page": f"{VERDICTS}/pages/{page.name}" if page.is_file() else "",
+    }  # fmt: skip
 
 
 def _curves_section(found: SceneCurves, races: Races) -> dict[str, Any]:
     """What curves.html shows of a scene."""
-    colours = race_plots.colours(found)
+    chosen = race_plots.colours(found)
     return {
         "scene": found.scene, "width": found.width, "height": found.height, "floor": found.floor,
         "epsilon": found.epsilon, "baseline": found.baseline,
-        "viewer": race_plots.viewer(found, races.pictures.get(found.scene, {})),
-        "figures": race_plots.figures(found),
-        "marks": [(name, Markup(log_log.key(index))) for name, index in colours.items()],
-        "columns": race_plots.COLUMNS, "rows": race_plots.rows(found),
-        "bars": race_plots.efficiency_bars(found), "startup": race_plots.startup_lines(found),
+        "viewer": bool(found.equal_samples and races.pictures.get(found.scene)),
+        "drawn": race_plots.plots(found) is not None,
+        "choices": [*race_plots.METRICS, "bias and standard deviation"],
+        "colours": chosen, "columns": race_plots.COLUMNS, "rows": race_plots.rows(found),
+        "bars": race_plots.efficiencies(found), "startup": race_plots.startup_lines(found),
         "command": _scene_command(str(races.header["command"]), found.scene),
+        "badge": races.badge(found),
     }  # fmt: skip
+
+
+def _curves_data(found: SceneCurves, races: Races) -> dict[str, Any]:
+    """What the scripts show of a scene."""
+    viewer = race_plots.viewer(found, races.pictures.get(found.scene, {}))
+    return {"races": race_plots.plots(found), "viewer": viewer}
 
 
 def _scene_command(command: str, scene: str) -> str:
@@ -211,8 +323,8 @@ def _races_summary(races: Races, wanted: Sequence[Variant]) -> dict[str, Any]:
     return {
         "rounds": shown[0].rounds if shown else 0,
         "core": races.header.get("core"),
-        "machine": races.header.get("machine"),
         "command": races.header.get("command"),
+        "badge": races.badge(None),
         "within": within, "total": total, "names": names,
         "targets": [(one.scene, [_target_cell(one, name) for name in names]) for one in shown],
         "flagged": race_plots.flagged(shown),
@@ -221,10 +333,10 @@ def _races_summary(races: Races, wanted: Sequence[Variant]) -> dict[str, Any]:
 
 def _target_cell(scene: SceneCurves, name: str) -> race_plots.Cell:
     curve: Curve | None = next((one for one in scene.curves if one.name == name and not one.reason), None)
-    return race_plots.Cell(*race_plots.to_target(curve)) if curve else race_plots.Cell("", float("inf"))
+    return race_plots.Cell(*race_plots.to_target(curve)) if curve else race_plots.Cell("–", float("inf"))
 
 
-def _lecture(oneray: Path) -> list[Picture]:
+def _lecture(oneray: Path, site: Site) -> list[Picture]:
     """The lecture's two pictures: the same scene and samples, without and with next event estimation."""
     if LECTURE_SCENE not in variants.scene_names():
         return []
@@ -232,7 +344,7 @@ def _lecture(oneray: Path) -> list[Picture]:
     result = []
     for name, caption in (("walk-cosine", "random walk"), ("nee", "random walk with next event estimation")):
         image, shown = _render(oneray, variants.variant(LECTURE_SCENE), name, LECTURE_SPP)
-        uri = pictures.data_uri(pictures.display(image.pixels, factor))
+        uri = site.picture(f"{LECTURE_SCENE}-{name}", pictures.display(image.pixels, factor))
         result.append(Picture(uri, f"{caption}, {LECTURE_SPP} spp", shown.command, shown.seconds))
     return result
 
@@ -260,7 +372,7 @@ class _Plot:
 
     label: str
     scene: str
-    svg: Markup
+    drawn: dict[str, Any]
     curves: list[tuple[str, str, str]]
     """Name, exponent, and why it ends where it does."""
 
@@ -275,13 +387,14 @@ def speed_section(path: Path | None) -> dict[str, Any] | None:
     for one in found["growth"]:
         points = {c["name"]: [(p["x"], p["render"]) for p in c["points"]] for c in one["curves"]}
         legend = [(c["name"], speed.exponent_text(c), c["reason"]) for c in one["curves"]]
-        svg = Markup(log_log.log_log(points, one["label"], "seconds"))
-        plots.append(_Plot(one["label"], one["scene"], svg, legend))
+        drawn = log_log.log_log(points, one["label"], "seconds")
+        plots.append(_Plot(one["label"], one["scene"], drawn, legend))
     return {
         "scenes": [(scene, speed.rows(scene), speed.startup_lines(scene)) for scene in found["scenes"]],
         "columns": speed.COLUMNS,
         "plots": plots,
-        "marks": [Markup(log_log.key(index)) for index in range(3)],
+        "drawn": [plot.drawn for plot in plots],
+        "badge": _badge(found, path or kept),
         "made_with": speed.made_with(found),
         "command": found["command"],
         "complete": found["complete"],
@@ -294,7 +407,9 @@ def stability_section(path: Path | None) -> dict[str, Any] | None:
     if path is None and not kept.is_file():
         return None
     compared = data.references_dir() / "precisions.json"
-    return plots.section(path or kept, compared if compared.is_file() else None)
+    found = plots.section(path or kept, compared if compared.is_file() else None)
+    drawn = [plot.drawn for case in found["cases"] for plot in case.plots]
+    return found | {"drawn": drawn, "badge": _badge(found, path or kept)}
 
 
 def _about(scene: Path) -> str:

@@ -1,4 +1,4 @@
-"""What references/benchmark.json says of speed: tables for the terminal, the README and the report.
+"""What references/benchmark.json says of speed: tables for the terminal, docs/ and the report.
 
 The file is written by scripts/benchmark.py. Figures are over interleaved rounds; a ratio is taken within a
 round, and relative to Mitsuba llvm with its sampler `independent`.
@@ -146,7 +146,7 @@ def _best_sampler(scene: Mapping[str, Any]) -> str:
 
 
 def markdown(found: Mapping[str, Any]) -> str:
-    """The README's table: a row for each scene."""
+    """The table of docs/speed.md: a row for each scene."""
     heads = ["", "Mitsuba llvm, Mpaths/s", *(f"{name}, times its paths/s" for name in SHOWN)]
     heads += [
         *(f"{name}, times its efficiency" for name in SHOWN[1:]),

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from raycheck.base.machine import machine, raycheck_version
+from raycheck.base.machine import machine, raycheck_version, today
 from raycheck.commands.edge import command_line
 from raycheck.commands.terminal import progress_bar
 from raycheck.measuring.contestants import (
@@ -46,5 +46,6 @@ def race(
         found = racing.race_all(
             runners, seconds=seconds, minutes=minutes, rounds=rounds, folder=folder, on_step=on_step
         )
-    header = {"raycheck": raycheck_version(), "machine": machine(), "core": used, "command": command_line()}
+    header = {"raycheck": raycheck_version(), "machine": machine(), "date": today(),
+              "core": used, "command": command_line()}  # fmt: skip
     return Races([one for one, _ in found], header, {one.scene: pixels for one, pixels in found})

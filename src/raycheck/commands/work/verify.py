@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.cells import cell_len
 from rich.markup import escape
@@ -15,6 +16,9 @@ from raycheck.judging.cases import Case, Verification
 from raycheck.judging.judge_renderer import Planned
 from raycheck.judging.timetable import Timetable
 from raycheck.stats.verdict import ALPHA, Outcome
+
+if TYPE_CHECKING:
+    from raycheck.judging.verdict_pages import Gallery
 
 WIDTHS = {"verdict": 12, "bias": 8, "interval (99 %)": 19, "spp": 4, "seconds": 7}
 """Of most figures, in characters."""
@@ -82,6 +86,8 @@ def show(result: Verification) -> None:
         sentence += f"; a bias of {percent(max(seen))} of the image mean would have been noticed everywhere"
     console.print()
     console.print(sentence + ".", highlight=False)
+    if totals.get(Outcome.INCONCLUSIVE.value):
+        console.print(_open_ones(result), highlight=False, markup=False, soft_wrap=True)
     judged = [case for case in result.cases if not case.skipped]
     if judged:
         for line in (_judged_against(judged), _chance(result, judged)):
@@ -89,6 +95,13 @@ def show(result: Verification) -> None:
     left_out = sentences.left_out(result.header.get("left_out", {}))
     for line in (*sentences.left_out(skipped, "SKIP"), *left_out):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _open_ones(result: Verification) -> str:
+    """What an INCONCLUSIVE of this run means, and what decides it."""
+    quick = result.header.get("mode") == "quick" and "until" not in result.header
+    few = "the time of this quick run was not enough samples to tell" if quick else "too few samples to tell"
+    return f"INCONCLUSIVE: {few}; nothing is wrong yet. --until SECONDS goes on until it is decided."
 
 
 def show_changes(before: Verification, now: Verification) -> None:
@@ -125,17 +138,28 @@ def _row(case: Case) -> list[str]:
     return [signed(bias), f"{signed(low)} … {signed(high)}", percent(image), percent(tiles), *last]
 
 
+def verdict_pages(folder: Path, words: Sequence[str], files: Sequence[Path]) -> "Gallery":
+    """Of a run with these options, or of these pictures."""
+    from raycheck.base.site import Site
+    from raycheck.judging.verdict_pages import Gallery
+
+    return Gallery(Site(folder), words, [str(file) for file in files])
+
+
 def saving(
-    path: Path | None, kept: Sequence[Case], rows: Rows, on_case: Callable[[Case, int], None] | None
-) -> Callable[[Case, int], None]:
-    """Writes each verdict as it comes, to the terminal and beside those kept: a long run can be interrupted
-    and resumed.
+    path: Path | None, kept: Sequence[Case], rows: Rows, pages: "Gallery | None",
+    on_case: Callable[[Case, int], None] | None,
+) -> Callable[[Case, int], None]:  # fmt: skip
+    """Writes each verdict as it comes, to the terminal, to its page and beside those kept: a long run can be
+    interrupted and resumed.
     """
     done: dict[tuple[str, str], Case] = {(case.scene, case.technique): case for case in kept}
 
     def save(case: Case, total: int) -> None:
         done[case.scene, case.technique] = case
         rows.add(case)
+        if pages:
+            pages.add(case)
         if path:
             write_whole(path, Verification(list(done.values())).to_json())
         if on_case:

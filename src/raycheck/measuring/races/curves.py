@@ -80,6 +80,9 @@ class SceneCurves:
     equal_samples: list[Shown] = field(default_factory=list)
     equal_time: list[Shown] = field(default_factory=list)
     provenance: Provenance = field(default_factory=dict)
+    machine: str = ""
+    """Where it was measured, and when; empty where that is the file's header's."""
+    date: str = ""
 
 
 def to_json(scenes: Sequence[SceneCurves], header: Mapping[str, object]) -> str:

@@ -21,8 +21,10 @@ from raycheck.measuring.contestants import Contestant, Shot
 from raycheck.scene.variants import Variant
 from raycheck.truth.expected import Truth
 
-LEAST_SPP, MOST_SPP = 4, 4096
-LEAST_LEVELS = 4
+LEAST_SPP, MOST_SPP = 1, 4096
+LEAST_LEVELS = 6
+PACED = (4, 16)
+"""Samples per pixel of the two pictures that tell what a contestant costs."""
 
 
 @dataclass
@@ -78,7 +80,7 @@ class Shelf:
 
 
 def doubling(start: float, each: float, seconds: float, rounds: int) -> list[int]:
-    """4, 8, 16, …: as many as take `seconds` in all rounds, at least four."""
+    """1, 2, 4, …: as many as take `seconds` in all rounds, at least six."""
     levels = [LEAST_SPP << k for k in range(LEAST_LEVELS)]
     while levels[-1] < MOST_SPP:
         more = [*levels, 2 * levels[-1]]
@@ -138,7 +140,7 @@ class Race:
 
         def plan() -> dict[str, Any]:
             opened = self._ready(entry)
-            times = {spp: self._render(entry, spp, 1).seconds for spp in (LEAST_SPP, 4 * LEAST_SPP)}
+            times = {spp: self._render(entry, spp, 1).seconds for spp in PACED}
             found = pace(times)
             levels = doubling(found.start, found.sample, self.seconds, self.rounds)
             return {"opened": opened, "levels": levels}

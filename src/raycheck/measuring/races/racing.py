@@ -24,6 +24,7 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.base.errors import RenderError
 from raycheck.base.files import whole, write_whole
+from raycheck.base.machine import machine, today
 from raycheck.judging.agenda import standard_technique
 from raycheck.measuring.contestants import Contestant
 from raycheck.measuring.races.curves import Curve, SceneCurves, Shown, from_dict
@@ -89,6 +90,7 @@ def race(
         reference="closed form" if truth.closed_form else reference.made_by,
         curves=curves, left_out=dict(left_out or {}), equal_samples=samples, equal_time=times,
         provenance=provenance(METHOD, rests_on(of.label, [curve.name for curve in curves])),
+        machine=machine(), date=today(),
     )  # fmt: skip
     pictures = {"reference": truth.mean} | pictures
     _keep(folder, found, pictures, key)

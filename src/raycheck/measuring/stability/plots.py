@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from raycheck.measuring import log_log
 from raycheck.measuring.stability import precisions, sweeps, tables
 from raycheck.measuring.stability.case import Case
@@ -20,7 +18,7 @@ LARGEST_ERROR = 1e3
 @dataclass(frozen=True)
 class Plot:
     names: list[str]
-    svg: Markup
+    drawn: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -43,8 +41,8 @@ def section(path: Path, compared: Path | None = None) -> dict[str, Any]:
         "cases": [
             Section(case.title, case.wrong, case.instead, plots(result, case)) for result, case in shown
         ],
-        "marks": [Markup(log_log.key(0, plain=True)), *(Markup(log_log.key(index)) for index in (1, 2))],
         "machine": header["machine"],
+        "date": header.get("date", ""),
         "command": header["command"],
         "precisions": _precisions(compared) if compared else None,
     }
@@ -89,5 +87,5 @@ def _plot(
     """The plain line first, then Mitsuba where there is one, oneray last and on top."""
     others = dict(reversed(list(found.items()))) if len(found) > 1 else {"": [], **found}
     every = {name: line, **others}
-    svg = log_log.log_log(every, x_label, y_label, plain=(name,))
-    return Plot([label for label in every if label], Markup(svg))
+    drawn = log_log.log_log(every, x_label, y_label, plain=(name,))
+    return Plot([label for label in every if label], drawn)

@@ -57,7 +57,7 @@ def _how(case: Case, point: Point) -> str:
 
 
 def markdown(results: Sequence[Result]) -> str:
-    """The table of all cases for the README."""
+    """The table of all cases for docs/stability.md."""
     lines: list[Sequence[str]] = [COLUMNS, ["---"] * len(COLUMNS)]
     lines += [[*cells, *[""] * (len(COLUMNS) - len(cells))] for cells in map(row, results)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

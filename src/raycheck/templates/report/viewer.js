@@ -22,7 +22,8 @@
   }
 
   function viewer(root) {
-    const data = JSON.parse(root.querySelector(".pixels").textContent);
+    const data = window.raycheck?.[root.dataset.viewer]?.viewer;
+    if (!data) return;
     const { width, height } = data;
     const find = (name) => root.querySelector("." + name);
     const reference = { name: "reference", pixels: decode(data.reference), caption: "", command: "" };
@@ -156,48 +157,5 @@
     draw();
   }
 
-  function metrics(root) {
-    const choice = root.querySelector("select.metric");
-    if (!choice) return;
-    choice.addEventListener("input", () => {
-      for (const row of root.querySelectorAll("div.metric")) row.hidden = row.dataset.metric !== choice.value;
-    });
-  }
-
-  // Choosing a technique in the table brings its curve and bar out.
-  function choosing(root) {
-    for (const button of root.querySelectorAll("button.choose")) {
-      button.addEventListener("click", () => {
-        const on = button.getAttribute("aria-pressed") !== "true";
-        button.setAttribute("aria-pressed", on);
-        for (const one of root.querySelectorAll("[data-name]")) {
-          if (one.dataset.name === button.textContent) one.classList.toggle("chosen", on);
-        }
-      });
-    }
-  }
-
-  function sorting(table) {
-    const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0];
-    const value = (row, index) => {
-      const text = row.cells[index]?.dataset.value ?? "";
-      const number = text === "inf" ? Infinity : Number(text);
-      return text === "" || Number.isNaN(number) ? text : number;
-    };
-    const compare = (x, y) => typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y));
-    heads.forEach((head, index) => head.querySelector("button")?.addEventListener("click", () => {
-      const up = head.getAttribute("aria-sort") !== "ascending";
-      for (const one of heads) one.setAttribute("aria-sort", "none");
-      head.setAttribute("aria-sort", up ? "ascending" : "descending");
-      const rows = [...body.rows].sort((a, b) => (up ? 1 : -1) * compare(value(a, index), value(b, index)));
-      body.append(...rows);
-    }));
-  }
-
   document.querySelectorAll("[data-viewer]").forEach(viewer);
-  for (const root of document.querySelectorAll("[data-curves]")) {
-    metrics(root);
-    choosing(root);
-  }
-  document.querySelectorAll("table.sortable").forEach(sorting);
 })();
