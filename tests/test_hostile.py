@@ -267,6 +267,45 @@ def test_students_are_told_apart_and_found_however_they_are_written(tmp_path) ->
             open_submission(found[student], into)
 
 
+def test_one_name_in_two_spellings_is_two_students(tmp_path) -> None:
+    """Their results have places of their own, whoever else hands in."""
+    for name in ("Jos\u00e9.zip", "Jose\u0301.zip", "Ann.zip"):
+        (tmp_path / name).write_bytes(b"x")
+    found = [entry.student for entry in course.entries(tmp_path, [])]
+    assert len(set(found)) == len({course.folder_name(name) for name in found}) == 3
+    (tmp_path / "Ann.zip").unlink()
+    assert {entry.student for entry in course.entries(tmp_path, [])} == {n for n in found if n != "Ann"}
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "link to a file", "link to a folder", "link inside"])
+def test_what_lies_in_the_class_is_a_folder_or_a_file(tmp_path, kind: str) -> None:
+    """A pipe would never end, and a link may lead to another's work; nothing waits, nothing is followed."""
+    (other := tmp_path / "other").mkdir()
+    written(other / "raycheck.toml", 'command = "./mine {output}"')
+    with zipfile.ZipFile(tmp_path / "others.zip", "w") as archive:
+        archive.write(other / "raycheck.toml", "raycheck.toml")
+    (folder := tmp_path / "class").mkdir()
+    made = folder / ("eve.zip" if "folder" not in kind else "eve")
+    if kind == "pipe":
+        os.mkfifo(made)
+    elif kind == "device":
+        made.symlink_to("/dev/zero")
+    elif kind == "link inside":
+        (made := folder / "eve").mkdir()
+        (made / "a.zip").symlink_to(tmp_path / "others.zip")
+    else:
+        made.symlink_to(other if "folder" in kind else tmp_path / "others.zip")
+    [entry] = course.entries(folder, [])
+    place = course.content(entry.path)
+    handed = submission.pack(place)
+    assert "is a link: hand in the file itself" in handed.problem or "nor a plain file" in handed.problem
+    assert not submission.may_have_pictures(place, "L1")
+    (into := tmp_path / "into").mkdir()
+    with pytest.raises(SubmissionError, match=r"is a link|nor a plain file"):
+        open_submission(place, into)
+    assert list(into.iterdir()) == []
+
+
 def test_points_by_hand_are_for_somebody_and_once(tmp_path) -> None:
     asked = read_assignment(written(tmp_path / "a.toml", TASKS))
 

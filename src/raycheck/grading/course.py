@@ -52,7 +52,8 @@ def entries(folder: Path, roster: Sequence[str]) -> list[Entry]:
 
     The student is the whole name where the roster has it, else what stands before the first number between
     "_" (Moodle: "Name_123_assignsubmission_file", Canvas: "name_123_456_file.zip", "name_LATE_123_456_…"),
-    else the whole name. Where several are called alike each is called what the LMS calls it.
+    else the whole name. Where several are called alike each is called what the LMS calls it; where that is
+    the same name in other bytes, such as é as one letter or as two, a digest of these is added.
     """
     if not folder.is_dir():
         raise NotFound(f"{folder}: there is no such folder")
@@ -60,13 +61,18 @@ def entries(folder: Path, roster: Sequence[str]) -> list[Entry]:
     paths = [path for path in paths if path.is_dir() or path.suffix.lower() not in TABLES]
     if not paths:
         raise NotFound(f"{folder}: there is no submission in it (folders, zip or tar archives)")
-    called = Counter(_student(path, roster) for path in paths)
-    found = []
-    for path in paths:
-        student = _student(path, roster)
-        whole = name_of(os.fsencode(path.name).decode(errors="replace"))
-        found.append(Entry(student if called[student] == 1 else f"{student} ({whole})", path))
-    return found
+    names = [_student(path, roster) for path in paths]
+    for more in (lambda path: name_of(os.fsencode(path.name).decode(errors="replace")), _digest):
+        called = Counter(names)
+        names = [
+            name if called[name] == 1 else f"{name} ({more(path)})"
+            for name, path in zip(names, paths, strict=True)
+        ]
+    return [Entry(name, path) for name, path in zip(names, paths, strict=True)]
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(os.fsencode(path.name)).hexdigest()[:8]
 
 
 def _student(path: Path, roster: Sequence[str]) -> str:

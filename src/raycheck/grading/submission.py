@@ -74,7 +74,15 @@ class Submission:
 
 
 def is_archive(path: Path) -> bool:
-    return path.is_file() and path.name.lower().endswith(ARCHIVES)
+    return path.is_file() and not path.is_symlink() and path.name.lower().endswith(ARCHIVES)
+
+
+def _check_kind(path: Path) -> None:
+    """A folder or a plain file: a link may lead to another's work, and a pipe or device may never end."""
+    if path.is_symlink():
+        raise SubmissionError(f"{quoted(path.name)} is a link: hand in the file itself")
+    if not (path.is_dir() or path.is_file()):
+        raise SubmissionError(f"{quoted(path.name)} is neither a folder nor a plain file")
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,7 @@ class Handed:
 def pack(path: Path) -> Handed:
     """An archive as it is, a folder as a tar of its files; nothing else is looked at."""
     try:
+        _check_kind(path)
         if path.is_dir():
             return Handed("folder.tar", _tar(path))
         if path.stat().st_size > MOST_BYTES:
@@ -121,6 +130,7 @@ def may_have_pictures(path: Path, task: str) -> bool:
     """Whether it may hold pictures, by the names of its files; also where only unpacking would tell."""
     inside = f"/{PICTURES}/{task}/"
     try:
+        _check_kind(path)
         if path.is_dir():
             return any(inside in f"/{found.path}" for found in folders.walk(path))
         if path.name.lower().endswith(".zip"):
@@ -142,14 +152,11 @@ def open_submission(path: Path, into: Path, user: int | None = None) -> Submissi
     archive is unpacked as `user`.
     """
     try:
+        _check_kind(path)
         if path.is_dir():
             _take(_in_folder(path), into)
-        elif path.is_file():
-            problem = _apart(path, into, user, _unpack)
-            if problem:
-                raise SubmissionError(problem)
-        else:
-            raise _no_archive(path.name)
+        elif problem := _apart(path, into, user, _unpack):
+            raise SubmissionError(problem)
     except OSError as error:
         raise SubmissionError(f"it cannot be read: {shown(str(error), 200)}") from None
     return _manifest(_root(into))
