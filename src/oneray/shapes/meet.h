@@ -315,7 +315,7 @@ INLINE Hit nearest_in_tree(
             take(&hit, met & ((at.t < hit.t) | ((at.t == hit.t) & (at.slot < hit.slot))), at);
         }
         for (; leaves; leaves &= leaves - 1)
-            to_next(&ways, lowest_lane(leaves), LANE(hit.t, lowest_lane(leaves)), 1);
+            to_next(&ways, lowest_lane(leaves), LIMIT(LANE(hit.t, lowest_lane(leaves))), 1);
     }
     return hit;
 }

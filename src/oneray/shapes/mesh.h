@@ -237,7 +237,7 @@ INLINE void triangles_walk(
                 LANE(w->slot, lane) = slot = here;
             }
             if (nearest || !(w->blocked >> lane & 1))
-                to_next(&ways, lane, t, nearest);
+                to_next(&ways, lane, LIMIT(t), nearest);
         }
     }
 }

@@ -153,11 +153,12 @@ INLINE unsigned packet_range(const Packet *p, const BoxPiece first[3], const Box
 INLINE unsigned packet_box(const Packet *p, const TreeNode *node, int k, Floats limit)
 {
     const Beams *b = p->beams;
+    const float *planes = node->plane[0];
     Floats near = {0}, far = limit;
     UNROLLED for (int i = 0; i < 3; i++)
     {
-        Floats first = FLOATS_OF(node->plane[b->first[i][p->lane]][k]),
-               last = FLOATS_OF(node->plane[b->last[i][p->lane]][k]);
+        Floats first = FLOATS_OF(planes[b->first[i][p->lane] + k]),
+               last = FLOATS_OF(planes[b->last[i][p->lane] + k]);
         near = FLOATS(max, FLOATS(fmsub, first, floats_at(b->inverse[i]), floats_at(b->near[i])), near);
         far = FLOATS(min, FLOATS(fmsub, last, floats_at(b->wider[i]), floats_at(b->far[i])), far);
     }
@@ -219,11 +220,12 @@ typedef struct {
 INLINE void put_packet(
     const Packet *p, const TreeNode *node, unsigned lanes, float most, Floats limit, PacketPending *pending)
 {
+    const float *planes = node->plane[0];
     BoxPiece first[3], last[3];
     UNROLLED for (int i = 0; i < 3; i++)
     {
-        memcpy(&first[i], node->plane[p->beams->first[i][p->lane]], sizeof first[i]);
-        memcpy(&last[i], node->plane[p->beams->last[i][p->lane]], sizeof last[i]);
+        memcpy(&first[i], planes + p->beams->first[i][p->lane], sizeof first[i]);
+        memcpy(&last[i], planes + p->beams->last[i][p->lane], sizeof last[i]);
     }
     unsigned some = packet_range(p, first, last, most);
     int turned = turned_order(p->beams->octant[p->lane]), order = (int)p->beams->octant[p->lane] ^ turned;

@@ -125,7 +125,7 @@ typedef struct {
     float near_o[3][LANES], far_o[3][LANES]; /* o, moved so that near planes are nearer and far planes farther */
     float inverse[3][LANES], near[3][LANES]; /* 1/d, and near_o/d */
     float wider[3][LANES], far[3][LANES];
-    Int first[3][LANES], last[3][LANES]; /* which planes of a node those are */
+    Int first[3][LANES], last[3][LANES]; /* where in a node's planes those are */
     Int octant[LANES]; /* a bit an axis: 1/d is negative */
     Int axis[3][LANES]; /* for triangles: x, y and z, the one that d is longest along */
     Num o[3][LANES], shear[3][LANES]; /* in those o, and d.x/d.z, d.y/d.z, 1/d.z */
@@ -133,6 +133,7 @@ typedef struct {
 
 #define ROUNDING 1.2e-7F
 #define MARGIN (1 + 8 * ROUNDING)
+#define LIMIT(t) ((float)(t) * MARGIN) /* how far away boxes may be of what is nearer than t */
 #define INVERSE_MOST 1e18
 #ifdef SINGLE
 #define NUM_ROUNDING ROUNDING
@@ -193,8 +194,8 @@ STAGE unsigned beams_start(Beams *beams, const Tree *tree, const Vec *o, const V
             beams->far[i][lane] = beams->far_o[i][lane] * beams->wider[i][lane];
         }
         Mask backwards = inverse[i] < real(0);
-        Index first = index_select(backwards, index_of(3 + i), index_of(i)),
-              last = index_of(3 + 2 * i) - first;
+        Index first = index_select(backwards, index_of((3 + i) * BVH_WIDTH), index_of(i * BVH_WIDTH));
+        Index last = index_of((3 + 2 * i) * BVH_WIDTH) - first;
         Real low = real(tree->low[i]), high = real(tree->high[i]);
         near = real_max((select(backwards, high, low) - nearer) * bounded, near);
         far = real_min((select(backwards, low, high) - farther) * bounded * real(MARGIN), far);
@@ -234,13 +235,14 @@ STAGE unsigned beams_start(Beams *beams, const Tree *tree, const Vec *o, const V
 INLINE void box_range(
     const TreeNode *node, const Beams *beams, int lane, float limit, int part, BoxPiece *near, BoxPiece *far)
 {
+    const float *planes = node->plane[0];
     *near = (BoxPiece){0};
     *far = BOX_OF(limit);
     UNROLLED for (int i = 0; i < 3; i++)
     {
         BoxPiece first, last;
-        memcpy(&first, node->plane[beams->first[i][lane]] + part, sizeof first);
-        memcpy(&last, node->plane[beams->last[i][lane]] + part, sizeof last);
+        memcpy(&first, planes + beams->first[i][lane] + part, sizeof first);
+        memcpy(&last, planes + beams->last[i][lane] + part, sizeof last);
         *near =
             BOX_MAX(BOX_FMSUB(first, BOX_OF(beams->inverse[i][lane]), BOX_OF(beams->near[i][lane])), *near);
         *far = BOX_MIN(BOX_FMSUB(last, BOX_OF(beams->wider[i][lane]), BOX_OF(beams->far[i][lane])), *far);
@@ -363,11 +365,10 @@ INLINE void start_below(Ways *ways, unsigned lanes, int32_t child)
     }
 }
 
-/* A lane's ray goes on to what it has still to look at before t, if ordered; at the end to nothing. */
-INLINE void to_next(Ways *ways, int lane, Num t, int ordered)
+/* A lane's ray goes on to what it has still to look at before `limit`, if ordered; at the end to nothing. */
+INLINE void to_next(Ways *ways, int lane, float limit, int ordered)
 {
     Pending *pending = &ways->pending[lane];
-    const float limit = (float)t * MARGIN;
     int count = pending->count - 1;
     while (ordered && pending->near[count] > limit)
         count--;
@@ -383,9 +384,9 @@ INLINE unsigned step(const TreeNode *nodes, const Beams *beams, const Real *t, i
     ways->inner = ways->leaves = 0;
     for (; inner; inner &= inner - 1) {
         int lane = lowest_lane(inner);
-        put_children(&nodes[ways->at[lane]], beams, lane, (float)LANE(*t, lane) * MARGIN, ordered,
-            &ways->pending[lane]);
-        to_next(ways, lane, LANE(*t, lane), ordered);
+        const float limit = LIMIT(LANE(*t, lane));
+        put_children(&nodes[ways->at[lane]], beams, lane, limit, ordered, &ways->pending[lane]);
+        to_next(ways, lane, limit, ordered);
     }
     return leaves;
 }
