@@ -37,7 +37,7 @@ def made(oneray: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
     verdicts.write_text(json.dumps(header | {"cases": []}))
     cut = f'direct only="{oneray}" {{scene}} -o {{output}} --spp {{spp}} --seed {{seed}} -Ddepth=2 --quiet'
     words = ["furnace", "--technique", "mis-default", "--technique", "walk-cosine", "--against", "mitsuba"]
-    words += ["--renderer", cut, "--renderer", "broken=false {output} {spp} {seed}", "--rounds", "6"]
+    words += ["--renderer", cut, "--renderer", "broken=false {output} {spp} {seed}", "--rounds", "10"]
     words += ["--seconds", "0.01", "-o", str(folder), "--verification", str(verdicts)]
     words += ["--json", str(folder / "curves.json")]
     done = subprocess.run(
