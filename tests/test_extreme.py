@@ -195,3 +195,37 @@ def sized(k: float, mesh: bool) -> str:
     text = world("".join([*things, ground, lamp]), eye=eye, fov=60, size=16, depth=4)
     clip = f'<float name="near_clip" value="{1e-3 * k!r}"/><float name="far_clip" value="{1e3 * k!r}"/>'
     return text.replace('<float name="fov"', clip + '<float name="fov"')
+
+
+MATERIALS = {
+    "rough metal": '<bsdf type="roughconductor"><string name="material" value="Cu"/>{}</bsdf>',
+    "rough plastic": '<bsdf type="roughplastic">{}</bsdf>',
+    "rough glass": '<bsdf type="roughdielectric">{}</bsdf>',
+    "metal": '<bsdf type="conductor"><string name="material" value="Cu"/></bsdf>',
+    "plastic": '<bsdf type="plastic"/>',
+    "principled": '<bsdf type="principled"><float name="clearcoat" value="1"/>'
+    '<float name="metallic" value="0.4"/></bsdf>',
+}
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("distribution", ["beckmann", "ggx"])
+@pytest.mark.parametrize("material", MATERIALS)
+def test_looking_along_the_normal(
+    oneray: Path, tmp_path: Path, material: str, distribution: str, precision: str
+) -> None:
+    """From the middle of a ball each cosine is 1, or by rounding more."""
+    facets = f'<string name="distribution" value="{distribution}"/><float name="alpha" value="0.3"/>'
+    middle = '<point name="center" x="0.3" y="0.2" z="-0.1"/>'
+    bsdf = MATERIALS[material].format(facets)
+    text = f"""<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/></integrator>
+    <sensor type="perspective"><float name="fov" value="70"/><transform name="to_world">
+    <lookat origin="0.3, 0.2, -0.1" target="1.3, 0.5, 0.2" up="0, 0, 1"/></transform>
+    <film type="hdrfilm"><integer name="width" value="32"/><integer name="height" value="32"/>
+    <rfilter type="box"/></film></sensor>
+    <shape type="sphere">{middle}<float name="radius" value="1"/><boolean name="flip_normals" value="true"/>
+    {bsdf}</shape>
+    <shape type="sphere"><point name="center" x="0.1" y="-0.2" z="0.3"/><float name="radius" value="0.1"/>
+    <emitter type="area"><rgb name="radiance" value="5"/></emitter></shape></scene>"""
+    image = rendered(oneray, tmp_path, text, "--spp", 16, "--precision", precision)
+    assert np.isfinite(image.pixels).all()

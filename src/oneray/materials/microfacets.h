@@ -119,7 +119,7 @@ INLINE Real masking(const Roughness *a, Vec w, Real c, Features f)
     Real ggx = ggx_masking(a, w, c, f);
     if (!(f.has & HAS_BECKMANN))
         return ggx;
-    Real q = real_sqrt(roughness_across(a, w, c, f));
+    Real q = real_sqrt(real_max(roughness_across(a, w, c, f), real(0))); /* c may be a rounding above 1 */
     Real fit = (q * q + c * (real(2.276) * q + real(2.577) * c)) / (real(3.535) * q + real(2.181) * c);
     return select(a->beckmann, real(2) * select(c >= real(1.6) * q, c, fit), ggx);
 }
