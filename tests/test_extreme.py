@@ -218,7 +218,8 @@ def test_looking_along_the_normal(
     facets = f'<string name="distribution" value="{distribution}"/><float name="alpha" value="0.3"/>'
     middle = '<point name="center" x="0.3" y="0.2" z="-0.1"/>'
     bsdf = MATERIALS[material].format(facets)
-    text = f"""<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="3"/></integrator>
+    text = f"""<scene version="3.0.0">
+    <integrator type="path"><integer name="max_depth" value="3"/></integrator>
     <sensor type="perspective"><float name="fov" value="70"/><transform name="to_world">
     <lookat origin="0.3, 0.2, -0.1" target="1.3, 0.5, 0.2" up="0, 0, 1"/></transform>
     <film type="hdrfilm"><integer name="width" value="32"/><integer name="height" value="32"/>
