@@ -217,7 +217,7 @@ def _make(folder: Path) -> None:
     and the object of `many-seeds`.
     """
     variables = ["BUILD=build", *settings()]
-    command = ["make", "-s", "-B", "-n", *variables, "all"]
+    command = ["make", "-s", "-B", "-n", "V=1", *variables, "all"]
     commands = _run(None, command, folder)
     link = next(line for line in commands.splitlines() if "-o build/oneray " in line)
     libraries = " ".join(word for word in link.split() if word.startswith(("-l", "-L")))
