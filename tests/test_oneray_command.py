@@ -202,7 +202,7 @@ def test_output_is_checked_before_rendering(oneray: Path, tmp_path: Path) -> Non
         ),
         ([BOX, "--time", "soon", "-o", "out.exr"], "--time soon: a number between 0 and"),
         ([BOX, "--spp", "1", "--time", "1", "-o", "out.exr"], "give one of them"),
-        ([BOX, "--estimator", "bdpt", "-o", "out.exr"], "is not supported (walk, nee, mis, light)"),
+        ([BOX, "--estimator", "bdpt", "-o", "out.exr"], "is not supported (walk, nee, mis, light, bidirec"),
         ([BOX, "--estimator", "light", "--light-points", "area", "-o", "out.exr"], "does nothing there"),
         ([BOX, "--estimator", "light", "--light-choice", "learned", "-o", "out.exr"], "uniform or power"),
         ([MIRROR, "--estimator", "light", "-o", "out.exr"], "shows a mirror or glass"),
@@ -315,7 +315,7 @@ def test_help_and_version(oneray: Path) -> None:
     line = re.compile(r"^ +(\w+) *\*? +(.*)$", re.MULTILINE)
     values = {option: dict(line.findall(listed)) for option, listed in found}
     assert {option: " ".join(listed) for option, listed in values.items()} == {
-        "--estimator": "walk nee mis light",
+        "--estimator": "walk nee mis light bidirectional",
         "--hemisphere": "uniform cosine",
         "--normals": "all visible",
         "--light-choice": "uniform power contribution learned",
@@ -330,7 +330,7 @@ def test_help_and_version(oneray: Path) -> None:
         "--kernel": "auto generic",
     }
     said = [words for option in list(values)[:9] for words in values[option].values()]
-    assert all(re.match(r"[LP]\d+", words) for words in said)
+    assert all(re.match(r"[LPT]\d+", words) for words in said)
     named = {int(number) for number in re.findall(r"L(\d+)", text)}
     assert {*range(1, 20)} - named == {16}  # mixed materials are the scene's
     assert all(len(re.findall(r"^ +\w+ *\* ", listed, re.MULTILINE)) == 1 for _, listed in found)

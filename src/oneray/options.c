@@ -142,7 +142,7 @@ static void help_of(const Option *option)
         used = 0;
     }
     for (int v = 0; option->values && option->values[v].word; v++)
-        printf("      %-12s%c      %s\n", option->values[v].word, v == option->unasked ? '*' : ' ',
+        printf("      %-13s%c     %s\n", option->values[v].word, v == option->unasked ? '*' : ' ',
             option->values[v].help);
 }
 

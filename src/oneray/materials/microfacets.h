@@ -80,7 +80,10 @@ INLINE void set_tangents(Roughness *a, const Surface *s)
 INLINE Real roughness_at(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
 {
     Real alpha = share_at(materials, row, place, s, f);
-    return f.has & HAS_ANY(TEXTURES) ? real_max(alpha, real(LEAST_ROUGHNESS)) : alpha;
+    if (!(f.has & HAS_ANY(TEXTURES)))
+        return alpha;
+    Real whole = gather(materials->numbers + place + ROW_AT(Share, number), row << materials->shift); /* 1 of a texture */
+    return real_max(alpha, real(LEAST_ROUGHNESS) * whole);
 }
 
 INLINE Roughness roughness_of(const Materials *materials, Index row, size_t place, const Surface *s, Features f)
