@@ -11,7 +11,7 @@
     X(ESTIMATOR_MIS, "mis", "L13 both, weighed by multiple importance sampling")                             \
     X(ESTIMATOR_LIGHT, "light", "L17 light tracing: paths from the lights, each vertex joined to the eye")     \
     X(ESTIMATOR_BIDIRECTIONAL, "bidirectional",                                                              \
-        "T1 both ways at once: every vertex of a path from a light joined to every one from the eye")
+        "T1 both ways at once: each vertex of a path from a light joined to each from the eye")
 
 #define HEMISPHERES(X)                                                                                       \
     X(HEMISPHERE_UNIFORM, "uniform", "L8 uniform, scaled by 2 pi")                                           \
