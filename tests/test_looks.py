@@ -180,6 +180,12 @@ class TestVerdicts:
         told = r"; a bias of 0.[34][0-9] % is no noise, but within (5.6|6.1) standard errors of the reference"
         assert re.fullmatch(told, words)
         assert sentences.may_be_the_reference(end(0.0)) == ""
+        for within, begins in (
+            (None, "no bias: "),
+            ((4e-3, 5.6), "no bias beyond the reference's own error: "),
+        ):
+            passed = replace(found, outcome=Outcome.PASS, within_reference=within)
+            assert sentences.reason(passed, REGIONS, None).startswith(begins)
         assert end(7e-3).outcome is Outcome.FAIL
         monkeypatch.setattr(ev, "REFERENCE_CHANCE", 0.3)
         assert end(4e-3).outcome is Outcome.FAIL

@@ -24,8 +24,9 @@ def reason(
     """
     height, width = regions[0].height, regions[0].width
     if found.outcome is Outcome.PASS:
+        none = "no bias" if found.within_reference is None else "no bias beyond the reference's own error"
         return (
-            f"no bias: the image is within {percent(max(abs(found.bias_low), abs(found.bias_high)))} of the "
+            f"{none}: the image is within {percent(max(abs(found.bias_low), abs(found.bias_high)))} of the "
             f"reference, and a bias of {percent(found.mde_image)} would have been noticed"
         )
     if found.outcome is Outcome.FAIL:
