@@ -1,5 +1,6 @@
 """raycheck reference: what can be a reference, how long it takes, and what another Mitsuba would change."""
 
+import json
 import re
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pytest
 
 from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, ReferenceError_
-from raycheck.scene.variants import Variant, scene_hash
+from raycheck.scene.variants import Variant, scene_hash, variant
 from raycheck.truth import drift, making, mitsuba, references
 
 INSTALLED = f"Mitsuba {version('mitsuba')}"
@@ -272,3 +273,18 @@ def test_a_reference_by_oneray_cannot_drift(mine: Variant, tmp_path: Path) -> No
     done = command("--drift", changed(mine, tmp_path, by_oneray).path)
     assert done.returncode == 2 and "its reference is not Mitsuba's, but oneray's" in done.stderr
     assert command("--drift", "--by", "oneray").returncode == 2
+
+
+def test_one_thread_reads_openexr() -> None:
+    """Mitsuba's pool of one thread waits for itself where a scene has an OpenEXR file."""
+    pytest.importorskip("mitsuba")
+    orders = [
+        {"load": str(variant("environment").path)},
+        {"render": 1, "seed": 1, "save": None},
+    ]
+    done = subprocess.run(
+        [sys.executable, "-m", "raycheck.renderers.mitsuba_worker", "scalar_rgb"],
+        input="".join(json.dumps(order) + "\n" for order in orders), capture_output=True, text=True, timeout=100,
+        check=True,
+    )  # fmt: skip
+    assert [set(json.loads(line)) >= {"seconds"} for line in done.stdout.splitlines()[1:]] == [True, True]

@@ -15,4 +15,5 @@ pools           where pieces of work run: processes here, or the workers of a Da
 workers         work in Python apart from this process, each thread with a helper that may die alone
 shards          one picture split over a pool, merged to the bits of one run
 mitsuba_worker  Mitsuba in a process of its own, by lines of JSON
+mitsuba_scene   a scene file loaded by Mitsuba
 """

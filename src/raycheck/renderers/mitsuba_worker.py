@@ -3,7 +3,7 @@
     python -m raycheck.renderers.mitsuba_worker VARIANT
 
 {"load": FILE, "parameters": {"name": "value"}}, the parameters optional, and {"render": SPP, "seed": SEED,
-"save": FILE.npy or null}. One thread. Answers have `seconds` by the clock and `process`, those of the
+"save": FILE.npy or null}. One thread renders. Answers have `seconds` by the clock and `process`, those of the
 processor. A crash ends this process alone, and its peak memory is Mitsuba's and Python's, nothing else's.
 """
 
@@ -15,6 +15,8 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
+
+from raycheck.renderers.mitsuba_scene import load_scene
 
 
 def peak_memory() -> int:
@@ -41,7 +43,7 @@ def main() -> None:
         order = json.loads(line)
         start, process = time.perf_counter(), time.process_time()
         if "load" in order:
-            scene = mi.load_file(order["load"], **order.get("parameters", {}))
+            scene = load_scene(order["load"], order.get("parameters", {}))
             spent = time.process_time() - process
             width, height = scene.sensors()[0].film().size()
             answer = {"seconds": time.perf_counter() - start, "width": int(width), "height": int(height)}

@@ -27,6 +27,7 @@ import numpy as np
 from raycheck.base.arrays import Array
 from raycheck.base.errors import NotFound, ReferenceError_
 from raycheck.base.seeds import reference_seed
+from raycheck.renderers.mitsuba_scene import load_scene
 from raycheck.scene.document import place
 from raycheck.scene.variants import Variant
 
@@ -153,7 +154,7 @@ class MitsubaBatches:
         self._mi: Any = mi
         self._path = of.path
         try:
-            self._scene: Any = mi.load_file(str(of.path), **dict[str, Any](of.parameters))
+            self._scene: Any = load_scene(of.path, of.parameters)
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1].strip()
             raise NotFound(f"{of.path}: Mitsuba cannot load it: {reason}") from None

@@ -9,6 +9,8 @@ by {"error": …} where Mitsuba refuses the scene.
 import json
 import sys
 
+from raycheck.renderers.mitsuba_scene import load_scene
+
 
 def main() -> None:
     import mitsuba as mi
@@ -20,7 +22,7 @@ def main() -> None:
     for line in sys.stdin:
         job = json.loads(line)
         try:
-            scene = mi.load_file(job["scene"], **job["settings"])
+            scene = load_scene(job["scene"], job["settings"])
             image = np.array(mi.render(scene, spp=job["spp"], seed=job["seed"]))[..., 1]
             answer = {"pixels": image.astype(float).tolist()}
         except RuntimeError as error:
