@@ -284,7 +284,7 @@ def test_one_thread_reads_openexr() -> None:
     ]
     done = subprocess.run(
         [sys.executable, "-m", "raycheck.renderers.mitsuba_worker", "scalar_rgb"],
-        input="".join(json.dumps(order) + "\n" for order in orders), capture_output=True, text=True, timeout=100,
-        check=True,
+        input="".join(json.dumps(order) + "\n" for order in orders), capture_output=True, text=True,
+        check=True, timeout=100,
     )  # fmt: skip
     assert [set(json.loads(line)) >= {"seconds"} for line in done.stdout.splitlines()[1:]] == [True, True]

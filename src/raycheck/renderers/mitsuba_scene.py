@@ -10,8 +10,8 @@ from typing import Any
 def load_scene(path: Path | str, parameters: Mapping[str, str]) -> Any:
     """Mitsuba's scene; RuntimeError, Mitsuba's own, where it cannot load it.
 
-    Two threads load it, whatever number renders: a pool of one waits for itself, and for ever, where an OpenEXR file
-    is read (Mitsuba 3.9.1), as on a machine with one core.
+    Two threads load it, whatever number renders: a pool of one, as on a machine with one core, waits for
+    itself, and for ever, where an OpenEXR file is read (Mitsuba 3.9.1).
     """
     import drjit as dr
     import mitsuba as mi
