@@ -357,3 +357,15 @@ def test_the_first_column_stays(page: Page) -> None:
     table = page.locator(".curves .wide").first
     table.evaluate("box => box.scrollLeft = 200")
     assert table.locator("tbody th").first.bounding_box()["x"] < 40
+
+
+def test_every_page_prints_on_few_sheets(browser: Browser, pages: list[Path]) -> None:
+    """At most a dozen each, by the style's own size of a sheet, and no plot is wider than its place."""
+    with closing(browser.new_page()) as one:
+        for page in pages:
+            one.goto(page.as_uri())
+            printed = one.pdf(prefer_css_page_size=True)
+            assert len(re.findall(rb"/Type\s*/Page\b(?!s)", printed)) <= 12, page.name
+            one.emulate_media(media="print")
+            over = "box => box.querySelector('canvas')?.clientWidth > box.clientWidth + 1"
+            assert not any(plot.evaluate(over) for plot in one.locator(".plot").all()), page.name
