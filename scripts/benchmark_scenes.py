@@ -142,8 +142,10 @@ def sphere_light(folder: Path) -> Path:
     return _saved(folder, "sphere-light", text.replace("</scene>", BLOCK + "</scene>"))
 
 
-def thousand_lights(folder: Path) -> Path:
-    return _saved(folder, "thousand-lights", film(canonical("thousand-lights"), 128))
+def as_it_is(folder: Path, name: str) -> Path:
+    """A scene of scenes/, with its pictures where they are."""
+    text = film(canonical(name), 128)
+    return _saved(folder, name, text.replace('value="pictures/', f'value="{ROOT}/scenes/pictures/'))
 
 
 def hall(folder: Path, lights: int, size: int = 64) -> Path:
@@ -208,8 +210,14 @@ SCENES = (
     BenchScene("sphere-light", "sphere light and a block in the open, direct light", sphere_light,
                roulette=False),
     BenchScene("glass-box", "Cornell box with mirror and glass balls, depth 12, roulette", glass_box),
-    BenchScene("thousand-lights", "1,000 lights, direct light", thousand_lights, roulette=False,
-               choices=("learned", "uniform")),
+    BenchScene("rough-metal", "rough metal under a sky and a lamp, direct light",
+               lambda f: as_it_is(f, "rough-metal"), roulette=False),
+    BenchScene("principled", "principled paint, metal, cloth and glass, depth 4",
+               lambda f: as_it_is(f, "principled"), roulette=False),
+    BenchScene("textured-room", "textured room, depth 4, roulette", lambda f: as_it_is(f, "textured-room")),
+    BenchScene("environment", "environment map, depth 3", lambda f: as_it_is(f, "environment"), roulette=False),
+    BenchScene("thousand-lights", "1,000 lights, direct light", lambda f: as_it_is(f, "thousand-lights"),
+               roulette=False, choices=("learned", "uniform")),
     BenchScene("ball-100k", "displaced ball of 100,000 triangles, depth 6, roulette",
                lambda f: ball(f, 100_000)),
     BenchScene("ball-1m", "displaced ball of 1,000,000 triangles, depth 6, roulette",

@@ -23,7 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmark_scenes import ball, cornell, deep, glass_box, sphere_light, thousand_lights
+from benchmark_scenes import as_it_is, ball, cornell, deep, glass_box, sphere_light
 
 MOST = 1.02
 SIDE = 16
@@ -69,7 +69,7 @@ def ball_direct(folder: Path) -> Path:
 
 def thousand_spheres(folder: Path) -> Path:
     """The hall of a thousand lights with a small ball for each lamp."""
-    whole = thousand_lights(folder)
+    whole = as_it_is(folder, "thousand-lights")
     target = whole.with_name("thousand-spheres.xml")
     place = r'value="\S+ 0 0 (\S+) 0 -\S+ 0 (\S+) 0 0 -1 (\S+) 0 0 0 1"'
     lamp = rf'<shape type="rectangle"><transform name="to_world"><matrix {place}/></transform>'
@@ -99,7 +99,7 @@ CASES = (
     Case("glass-box", glass_box),
     Case("ball-100k", lambda f: ball(f, 100_000)),
     Case("ball-100k-2", ball_direct),
-    Case("thousand-lights", thousand_lights),
+    Case("thousand-lights", lambda f: as_it_is(f, "thousand-lights")),
     Case("thousand-spheres", thousand_spheres),
     Case("metal", metal_box),
     Case("cornell-8-walk", lambda f: cornell(f, 8), ("--estimator", "walk")),

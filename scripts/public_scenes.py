@@ -6,8 +6,9 @@ LIST has a line for each file, its repository and its path with a tab between; t
 OWNER+NAME/PATH. `oneray --check` reads each as it is. What has no errors is rendered by oneray and by Mitsuba
 (pip install mitsuba) from one copy with a small film of box-filtered pixels, and `raycheck compare` judges
 the two, with more samples until it would see a bias of 1 % of the image, or the time for a file is up. What
-the JSON file has a verdict of is not rendered again, but for what is UNDECIDED. Exit status 1 if a picture
-differs.
+the JSON file has a verdict of is not rendered again, but for what is UNDECIDED. Where pictures differ and
+oneray warns that surfaces in one place face the same way, a renderer may show either: the file is ILL-POSED.
+Exit status 1 if another picture differs.
 """
 
 from __future__ import annotations
@@ -56,6 +57,8 @@ LACKED = re.compile(
     r"|<scene> needs a <sensor|<ref [^>]*>: that is a <shape>"
 )
 """One of the other plugins of Mitsuba is not here."""
+EITHER = "are in one place, face the same way and differ"
+"""What oneray warns of where it depends on the renderer which surface is seen."""
 RULE = """\
 Whole scenes (a sensor and a shape, included files counted) whose files are all there, well formed, of
 plugins and properties that Mitsuba 0.6, 2 or 3 has; of version 2 on, those that Mitsuba 3.9.1 loads; of equal
@@ -117,7 +120,8 @@ def check(path: Path, timeout: float) -> dict[str, Any]:
     lines = [line.replace(str(path.parent) + "/", "") for line in done.stderr.splitlines()]
     warnings = [line for line in lines if line.startswith("oneray: warning: ")]
     if not done.returncode:
-        return {"errors": {}, "other": [], "warnings": len(warnings)}
+        either = {"ill_posed": True} if any(EITHER in line for line in warnings) else {}
+        return {"errors": {}, "other": [], "warnings": len(warnings)} | either
     elements = {place.replace(str(path.parent) + "/", ""): e for place, e in elements_by_place(path).items()}
     said = [line for line in lines if line not in warnings]
     kinds = [kind_of(line, elements) for line in said]
@@ -276,6 +280,8 @@ def main() -> int:
                 result |= {"verdict": "UNDECIDED", "reason": f"no picture in {options.seconds:.0f} s"}
             except (PlainError, subprocess.SubprocessError, OSError, ValueError) as error:
                 result |= {"verdict": "UNDECIDED", "reason": str(error)[:300]}
+        if result.get("verdict") == "FAIL" and result.get("ill_posed"):
+            result["verdict"] = "ILL-POSED"
         results.append(result)
         print(result.get("verdict", "ok" if not result["errors"] else "errors"), repository, name,
               result.get("reason", ""), *result["other"], sep="  ", flush=True)  # fmt: skip

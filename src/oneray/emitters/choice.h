@@ -117,33 +117,58 @@ STAGE Real walk_tree(const LightTree *tree, const Receiver *at, Real u, Real v, 
     return real(1) / ((real(1) - p_by_count) * p_contribution + p_by_count * p_count);
 }
 
-/* The same 1/p_i of a light that was not chosen: the way down to it is known, so that W levels of it are looked at at
-   once. */
-STAGE Num inverse_choice_by_trail(const LightTree *tree, const Receiver *at, Int trail, Features f)
+/* The same p_i of lights that were not chosen. The ways down to them are known, so that as many of their steps as there are
+   lanes are taken at once: of which lane's light each is, at which pair of children, and whether to the second. */
+typedef struct {
+    int count;
+    unsigned seconds;
+    Index lane, first;
+} Steps;
+
+STAGE void take_steps(const LightTree *tree, const Receiver *at, Steps *steps, Num p_contribution[LANES],
+    Num p_count[LANES], Features f)
 {
-    Num p_count = 1, p_contribution = 1;
+    Receiver each = receiver_of_lanes(at, steps->lane);
     Index region = index_of(0);
     if (f.use & USE_LEARNED)
-        region = region_of(tree, at->p);
-    for (Int child = child_of(tree, 0); child >= 0;) {
-        Index first = index_of(1);
-        unsigned seconds = 0;
-        int levels = 0;
-        for (; levels < LANES && child >= 0; levels++, trail >>= 1) {
-            LANE(first, levels) = child;
-            seconds |= (unsigned)(trail & 1) << levels;
+        region = region_of(tree, each.p);
+    FirstShare share = share_of_first(tree, &each, region, steps->first, f);
+    Mask second = lanes_mask(steps->seconds);
+    Real contribution = select(second, real(1) - share.by_contribution, share.by_contribution);
+    Real count = select(second, real(1) - share.by_count, share.by_count);
+    for (int k = 0; k < steps->count; k++) {
+        p_contribution[LANE(steps->lane, k)] *= LANE(contribution, k);
+        p_count[LANE(steps->lane, k)] *= LANE(count, k);
+    }
+    steps->count = 0;
+    steps->seconds = 0;
+}
+
+/* 1/p_i of the lights i that the rays of these lanes hit; else 1. */
+STAGE Real inverse_choice_by_trails(const LightTree *tree, const Receiver *at, Mask hit, Index i, Features f)
+{
+    Num p_contribution[LANES], p_count[LANES];
+    Steps steps = {0, 0, index_of(0), index_of(1)};
+    for (int lane = 0; lane < LANES; lane++)
+        p_contribution[lane] = p_count[lane] = 1;
+    for (unsigned lanes = mask_bits(hit); lanes; lanes &= lanes - 1) {
+        int lane = lowest_lane(lanes);
+        Int trail = tree->trail[LANE(i, lane)];
+        for (Int child = child_of(tree, 0); child >= 0; trail >>= 1) {
+            LANE(steps.lane, steps.count) = lane;
+            LANE(steps.first, steps.count) = child;
+            steps.seconds |= (unsigned)(trail & 1) << steps.count;
             child = child_of(tree, child + (trail & 1));
-        }
-        FirstShare share = share_of_first(tree, at, region, first, f);
-        Mask second = lanes_mask(seconds);
-        Real contribution = select(second, real(1) - share.by_contribution, share.by_contribution);
-        Real count = select(second, real(1) - share.by_count, share.by_count);
-        for (int k = 0; k < levels; k++) {
-            p_contribution = p_contribution * LANE(contribution, k);
-            p_count = p_count * LANE(count, k);
+            if (++steps.count == LANES)
+                take_steps(tree, at, &steps, p_contribution, p_count, f);
         }
     }
-    return 1 / ((1 - tree->p_by_count) * p_contribution + tree->p_by_count * p_count);
+    if (steps.count)
+        take_steps(tree, at, &steps, p_contribution, p_count, f);
+    Real by_contribution, by_count, share = real(tree->p_by_count);
+    memcpy(&by_contribution, p_contribution, sizeof by_contribution);
+    memcpy(&by_count, p_count, sizeof by_count);
+    return real(1) / ((real(1) - share) * by_contribution + share * by_count);
 }
 
 /* L4 The choice: uniform and by power from an alias table (Vose 1991), whatever N is; by contribution from the
@@ -172,14 +197,7 @@ STAGE Real inverse_choice_of(const Emitters *emitters, const Receiver *at, Mask 
         return real(1);
     if (!(f.use & USE_CONTRIBUTION))
         return gather(emitters->inverse_choice, i);
-    Real inverse = real(1);
-    for (unsigned lanes = mask_bits(hit); lanes; lanes &= lanes - 1) {
-        int lane = lowest_lane(lanes);
-        Receiver one = receiver_of_lane(at, lane);
-        LANE(inverse, lane) =
-            inverse_choice_by_trail(&emitters->tree, &one, emitters->tree.trail[LANE(i, lane)], f);
-    }
-    return inverse;
+    return inverse_choice_by_trails(&emitters->tree, at, hit, i, f);
 }
 
 /* One ray to one light. */

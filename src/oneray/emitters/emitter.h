@@ -104,13 +104,12 @@ typedef struct {
     Mask both_sides; /* both matter */
 } Receiver;
 
-/* One lane's, in all lanes. */
-INLINE Receiver receiver_of_lane(const Receiver *at, int lane)
+/* In each lane that of the one named. */
+INLINE Receiver receiver_of_lanes(const Receiver *at, Index lane)
 {
-    (void)lane;
-    return (Receiver){vec(real(LANE(at->p.x, lane)), real(LANE(at->p.y, lane)), real(LANE(at->p.z, lane))),
-        vec(real(LANE(at->n.x, lane)), real(LANE(at->n.y, lane)), real(LANE(at->n.z, lane))),
-        index_of(LANE(at->slot, lane)), index_of(LANE(at->both_sides, lane))};
+    return (Receiver){vec(real_of_lanes(at->p.x, lane), real_of_lanes(at->p.y, lane), real_of_lanes(at->p.z, lane)),
+        vec(real_of_lanes(at->n.x, lane), real_of_lanes(at->n.y, lane), real_of_lanes(at->n.z, lane)),
+        index_of_lanes(at->slot, lane), index_of_lanes(at->both_sides, lane)};
 }
 
 typedef struct {

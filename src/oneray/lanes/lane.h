@@ -275,6 +275,23 @@ INLINE Index gather_index(const Int *table, Index i)
     return a;
 }
 
+/* In each lane the number of the lane named. */
+INLINE Index index_of_lanes(Index a, Index lane)
+{
+#if LANES > 1 && !defined(__clang__)
+    return __builtin_shuffle(a, lane);
+#else
+    Index b = a;
+    for (int k = 0; k < LANES; k++)
+        LANE(b, k) = LANE(a, (int)LANE(lane, k));
+    return b;
+#endif
+}
+INLINE Real real_of_lanes(Real a, Index lane)
+{
+    return bits_real((Bits)index_of_lanes((Index)real_bits(a), lane));
+}
+
 /* From rows of four floats, ROWS(k) those of lanes k, k + 4, … side by side, to four numbers of each lane. */
 #define TRANSPOSE_FOURS(Type, prefix)                                                                        \
     Type row_0 = ROWS(0), row_1 = ROWS(1), row_2 = ROWS(2), row_3 = ROWS(3);                                 \
