@@ -15,12 +15,11 @@ from sampling import SOURCES
 
 # What stands in the sources for nothing else, and how often.
 SEAMS = {
-    "kernel/trace.h": (r"    if \(f\.use & USE_BIDIRECTIONAL\) \{\n(?:.*\n){2}    \}\n", 1),
     "estimators/nee.h": (r"    if \(f\.has & HAS_ANY\(MEDIA\)\)\n        \*light = .*\n", 1),
     "materials/scatter.h": (r"    if \(f\.has & HAS_PARTS\)\n        evaluate_other_parts\(.*\n", 1),
 }
-INSTANCE = "-DLIST(X)=X(room, ROOM | HAS_DIELECTRIC, PANELS)"
-WITH_A_SEAM = "-DLIST(X)=X(room, ROOM | HAS_BLEND | HAS_PARTS, PANELS)"
+INSTANCE = "-DLIST(X)=X(room, trace_paths, ROOM | HAS_DIELECTRIC, PANELS)"
+WITH_A_SEAM = "-DLIST(X)=X(room, trace_paths, ROOM | HAS_BLEND | HAS_PARTS, PANELS)"
 
 BY_CHANCE = re.compile(r"nop|cs nop|data16|xchg +%ax,%ax|mov|shufps \$0x0,|p?xor(?:ps)? +(%\w+),\1$")
 """What fills a line up, moves, and zeros and other numbers once more in a register or in all lanes of one."""

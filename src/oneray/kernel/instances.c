@@ -11,22 +11,22 @@
 #define MIS (USE_NEE | USE_MIS | USE_COSINE | USE_ROULETTE)
 #define PANELS (MIS | USE_SOLID_ANGLE)
 
-/* Name, what the scene may have, what the technique uses. */
+/* Name, which loop, what the scene may have, what the technique uses. */
 /* clang-format off */
 #ifndef LIST
 #define LIST(X)                                                                                              \
-    X(room,  ROOM,                                            PANELS)                                        \
-    X(ball,  ROOM | HAS_SPHERE | HAS_SPHERE_LIGHT,            MIS | USE_CONE)                                \
-    X(glass, ROOM | ROUND | HAS_CONDUCTOR | HAS_DIELECTRIC,   PANELS)                                        \
-    X(many,  ROOM | HAS_MANY_LIGHTS | HAS_TREE,               PANELS | USE_CONTRIBUTION)                     \
-    X(mesh,  ROOM | HAS_MESH | HAS_SMOOTH,                    PANELS)                                        \
-    X(walk,  ROOM | ROUND,                                    USE_COSINE | USE_ROULETTE)                     \
-    X(pairs, ROOM,                                            PANELS | USE_BIDIRECTIONAL)                    \
-    X(room_sobol, ROOM,                                       PANELS | USE_SOBOL)
+    X(room,  trace_paths, ROOM,                                            PANELS)                           \
+    X(ball,  trace_paths, ROOM | HAS_SPHERE | HAS_SPHERE_LIGHT,            MIS | USE_CONE)                   \
+    X(glass, trace_paths, ROOM | ROUND | HAS_CONDUCTOR | HAS_DIELECTRIC,   PANELS)                           \
+    X(many,  trace_paths, ROOM | HAS_MANY_LIGHTS | HAS_TREE,               PANELS | USE_CONTRIBUTION)        \
+    X(mesh,  trace_paths, ROOM | HAS_MESH | HAS_SMOOTH,                    PANELS)                           \
+    X(walk,  trace_paths, ROOM | ROUND,                                    USE_COSINE | USE_ROULETTE)        \
+    X(pairs, trace_pairs, ROOM,                                            PANELS | USE_BIDIRECTIONAL)       \
+    X(room_sobol, trace_paths, ROOM,                                       PANELS | USE_SOBOL)
 #endif
 /* clang-format on */
 
-#define X(name, has, use)                                                                                    \
+#define X(name, trace, has, use)                                                                                    \
     static void render_##name(const Scene *scene, const Job *job, Counters *counters)                        \
     {                                                                                                        \
         trace(scene, job, counters, (Features){has, use});                                                   \
@@ -34,6 +34,6 @@
 LIST(X)
 #undef X
 
-#define X(name, has, use) {#name, {has, use}, render_##name},
+#define X(name, trace, has, use) {#name, {has, use}, render_##name},
 const Instance INSTANCES[] = {LIST(X){NULL, {0, 0}, NULL}};
 #undef X

@@ -10,7 +10,10 @@
 
 static void render_generic(const Scene *scene, const Job *job, Counters *counters)
 {
-    trace(scene, job, counters, scene->features);
+    if (scene->features.use & USE_BIDIRECTIONAL)
+        trace_pairs(scene, job, counters, scene->features);
+    else
+        trace_paths(scene, job, counters, scene->features);
 }
 
 #ifdef INSTANCES

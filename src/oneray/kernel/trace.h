@@ -109,50 +109,24 @@ INLINE void note_pixel(const Path *path, Mask lanes, int64_t *pixel)
         *pixel = (int64_t)LANE(path->rng.pixel, lowest_lane(bits));
 }
 
-/* T1 The samples of a job as pairs of subpaths, a sample in each lane from its beginning to its end. */
-STAGE void trace_pairs(const Scene *scene, const Job *job, Counters *counters, Queue *queue, Features f)
+INLINE Queue queue_of(const Scene *scene, const Job *job)
 {
-    Pair pair = {.scene = scene};
-    int most = scene->max_depth < MOST_LIGHT_VERTICES ? (int)scene->max_depth : MOST_LIGHT_VERTICES;
-    pair.most_s = most;
-    pair.most_edges = (int)scene->max_depth;
-    while (queue->next < queue->count) {
-        Mask active = mask_none();
-        make_starts(queue, scene, job, f);
-        for (int lane = 0; lane < LANES && queue->next < queue->count; lane++) {
-            queue->item[lane] = queue->next++;
-            LANE(active, lane) = LANE(mask_all(), lane);
-        }
-        pair.eye.path.radiance = light_all(real(0));
-        Mask endless = trace_pair(&pair, &queue->start, active, queue->item, job->splats, f);
-        note_pixel(&pair.eye.path, endless, &counters->endless);
-        for (unsigned left = mask_bits(active); left; left &= left - 1) {
-            int lane = lowest_lane(left);
-            light_lane(&pair.eye.path.radiance, lane, job->radiance + 3 * queue->item[lane]);
-        }
-    }
-    const Path *paths[] = {&pair.light.path, &pair.eye.path};
-    for (int lane = 0; lane < 2 * LANES; lane++) {
-        counters->rays += (uint64_t)llabs((long long)LANE(paths[lane / LANES]->rays, lane % LANES));
-        counters->shadow_rays += (uint64_t)llabs((long long)LANE(paths[lane / LANES]->shadow_rays, lane % LANES));
-    }
-}
-
-INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Features f)
-{
-    Path path = {0};
     Queue queue = {.used = LANES,
         .count = job->pixel_count * job->sample_count,
         .pixel = job->first_pixel,
         .x = job->first_pixel % (uint64_t)scene->width,
         .y = job->first_pixel / (uint64_t)scene->width,
         .sample = job->first_sample};
-    path.rng.key[0] = queue.start.rng.key[0] = (uint32_t)job->seed;
-    path.rng.key[1] = queue.start.rng.key[1] = (uint32_t)(job->seed >> 32);
-    if (f.use & USE_BIDIRECTIONAL) {
-        trace_pairs(scene, job, counters, &queue, f);
-        return;
-    }
+    queue.start.rng.key[0] = (uint32_t)job->seed;
+    queue.start.rng.key[1] = (uint32_t)(job->seed >> 32);
+    return queue;
+}
+
+INLINE void trace_paths(const Scene *scene, const Job *job, Counters *counters, Features f)
+{
+    Path path = {0};
+    Queue queue = queue_of(scene, job);
+    memcpy(path.rng.key, queue.start.rng.key, sizeof path.rng.key);
     Mask busy = mask_none();
     const int in_step = scene->max_depth <= IN_STEP_DEPTH;
     for (;;) {
@@ -174,6 +148,36 @@ INLINE void trace(const Scene *scene, const Job *job, Counters *counters, Featur
     for (int lane = 0; lane < LANES; lane++) {
         counters->rays += (uint64_t)llabs((long long)LANE(path.rays, lane));
         counters->shadow_rays += (uint64_t)llabs((long long)LANE(path.shadow_rays, lane));
+    }
+}
+
+/* T1 The samples of a job as pairs of subpaths, a sample in each lane from its beginning to its end. */
+INLINE void trace_pairs(const Scene *scene, const Job *job, Counters *counters, Features f)
+{
+    Queue queue = queue_of(scene, job);
+    Pair pair = {.scene = scene};
+    int most = scene->max_depth < MOST_LIGHT_VERTICES ? (int)scene->max_depth : MOST_LIGHT_VERTICES;
+    pair.most_s = most;
+    pair.most_edges = (int)scene->max_depth;
+    while (queue.next < queue.count) {
+        Mask active = mask_none();
+        make_starts(&queue, scene, job, f);
+        for (int lane = 0; lane < LANES && queue.next < queue.count; lane++) {
+            queue.item[lane] = queue.next++;
+            LANE(active, lane) = LANE(mask_all(), lane);
+        }
+        pair.eye.path.radiance = light_all(real(0));
+        Mask endless = trace_pair(&pair, &queue.start, active, queue.item, job->splats, f);
+        note_pixel(&pair.eye.path, endless, &counters->endless);
+        for (unsigned left = mask_bits(active); left; left &= left - 1) {
+            int lane = lowest_lane(left);
+            light_lane(&pair.eye.path.radiance, lane, job->radiance + 3 * queue.item[lane]);
+        }
+    }
+    const Path *paths[] = {&pair.light.path, &pair.eye.path};
+    for (int lane = 0; lane < 2 * LANES; lane++) {
+        counters->rays += (uint64_t)llabs((long long)LANE(paths[lane / LANES]->rays, lane % LANES));
+        counters->shadow_rays += (uint64_t)llabs((long long)LANE(paths[lane / LANES]->shadow_rays, lane % LANES));
     }
 }
 
