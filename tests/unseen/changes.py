@@ -424,8 +424,8 @@ TRACE = of("kernel/trace.h", [
      "other: samples mapped one by one"),
     ("columns-share-noise", "(Word)(uint32_t)queue->pixel;", "(Word)(uint32_t)queue->x;", "cornell-box nee",
      "random numbers by column", "other: columns share noise"),
-    ("seed-ignored", "path.rng.key[0] = queue.start.rng.key[0] = (uint32_t)job->seed;",
-     "path.rng.key[0] = queue.start.rng.key[0] = 1;", "area-light nee", "the seed is ignored",
+    ("seed-ignored", "queue.start.rng.key[0] = (uint32_t)job->seed;",
+     "queue.start.rng.key[0] = 1;", "area-light nee", "the seed is ignored",
      "other: same noise in every image"),
 ])  # fmt: skip
 
