@@ -150,6 +150,9 @@ def small(path: Path, to: Path) -> None:
             and len(re.findall(r"[^ ,]+", spectrum.attrib["value"])) == 3
         ):
             spectrum.tag = "rgb"
+    for said in root.iter("string"):
+        if said.get("name") == "filter_type" and said.get("value") == "trilinear":
+            said.set("value", "bilinear")  # as oneray reads it
     films = {element.get("id"): element for element in root.iter("film") if "id" in element.attrib}
     samplers = [element.get("id") for element in root.iter("sampler") if "id" in element.attrib]
     for sensor in root.iter("sensor"):
