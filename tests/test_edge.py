@@ -74,6 +74,7 @@ def examples(pictures: Path, folder: Path) -> dict[str, list[object]]:
     found = {
         "list": ["list"],
         "verify": ["verify", "point-light", "--images", wrong, "--json", folder / "verified.json"],
+        "climb": ["climb", "--renderer", "none… {scene} {output}"],
         "compare": ["compare", pictures / "a.exr", pictures / "b.exr"],
         "diagnose": ["diagnose", pictures / "wrong-0.pfm", "--scene", "point-light"],
         "scene": ["scene", "mixed-material"],

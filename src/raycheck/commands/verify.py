@@ -75,8 +75,7 @@ def verify(
     if renderer is None and images is None and not technique and Path(MANIFEST).is_file():
         renderer = MANIFEST
 
-    standard = Limits()
-    limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
+    limits = Limits.of(delta)
     going_on = resume and json_file is not None and json_file.is_file()
     before = Verification.read(baseline) if baseline else None
     pages = None

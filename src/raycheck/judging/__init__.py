@@ -26,6 +26,7 @@ tile_errors   the error in tiles, and its noise
 fitting       how likely candidates are, all by one formula
 conventions   pictures that were written, or sampled, in another way
 repeated      looks at a case again and again until it is decided, by evidence that multiplies
+climb         the ladder again and again, with a renderer that is being written
 consistent    judges the limit of a bias that shrinks with a parameter
 baseline      today's verdicts beside another day's
 settings      numbers of images, budgets, wishes
