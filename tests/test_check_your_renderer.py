@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from junitparser import JUnitXml
+from test_pytest_plugin import plugin_words
 
 from raycheck.base.images import load_image, write_pfm
 from raycheck.judging.settings import PILOT_SPP, case_seeds
@@ -105,11 +106,17 @@ def test_pytest_example(tmp_path):
     (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "test_mine.py").write_text(blocks("python")[1])
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", tmp_path, tmp_path]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-    assert "2 passed" in done.stdout, done.stdout
+    words += plugin_words()
+
+    def tested(*more):
+        done = subprocess.run([*words, *more], cwd=tmp_path, capture_output=True, text=True)
+        return done.stdout + done.stderr
+
+    assert "2 skipped" in tested()
+    assert "2 passed" in tested("--raycheck")
     (tmp_path / "mine.py").write_text(MINE.replace("return mean", "return 1.05 * mean"))
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-    assert "2 failed" in done.stdout and "too bright" in done.stdout
+    output = tested("--raycheck")
+    assert "2 failed" in output and "too bright" in output
 
 
 def prerender(scene: str, factor: float, folder: Path) -> None:
