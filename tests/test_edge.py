@@ -88,6 +88,7 @@ def examples(pictures: Path, folder: Path) -> dict[str, list[object]]:
         "handout": ["handout", "--assignment", folder / "none…", "-o", folder / "handout"],
         "variants": ["variants", "--assignment", folder / "none…", "-o", folder / "variants", "Zoë"],
         "selftest": ["selftest", "--attacks", "--only", "none…"],
+        "completion": ["completion", "nowhere…"],
         "calibrate": ["calibrate", "mde", "--work", folder / "none…"],
     }  # fmt: skip
     assert set(found) == set(COMMANDS)

@@ -33,7 +33,7 @@ raycheck list names the scenes and techniques; raycheck COMMAND --help says more
 """
 COMMANDS = (
     "diagnose", "scene", "grade", "handout", "variants", "selftest", "verify", "climb", "compare", "report",
-    "techniques", "stability", "reference", "render", "calibrate", "list",
+    "techniques", "stability", "reference", "render", "calibrate", "list", "completion",
 )  # fmt: skip
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 

@@ -6,6 +6,7 @@ error, and what the exit status depends on. A command whose work is one call of 
 here.
 
 climb               the ladder's verdicts as a renderer is being written
+completion          what a shell reads to complete a command line
 grade, grade_check  a class graded, an assignment tried out
 reference           references made, with how long that takes
 report              the races of a report
