@@ -104,8 +104,8 @@ def bash(name: str, program: Program, zsh: bool = False) -> str:
     lines = [
         *(ZSH if zsh else ()),
         f"_{name}_completion() {{",
-        "    local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} command=${COMP_WORDS[1]}",
-        "    local all=; COMPREPLY=()",
+        "    local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}",
+        "    local command=${COMP_WORDS[1]} all=; COMPREPLY=()",
         "    [ \"$before\" = = ] && before=${COMP_WORDS[COMP_CWORD-2]}; [ \"$word\" = = ] && word=",
         "    [ $COMP_CWORD -eq 1 ] && command=",
         '    case "$command" in',
