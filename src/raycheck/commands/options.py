@@ -45,6 +45,10 @@ JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="A
 JunitFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Also write the verdicts here as JUnit XML, for CI.")
 ]
+MarkdownFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Also write the verdicts here as Markdown, for the summary of a job."),
+]
 HtmlFolder = Annotated[
     Path | None,
     typer.Option(

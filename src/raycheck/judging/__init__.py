@@ -35,5 +35,6 @@ judge_images  verdicts on pictures that are already rendered, even a single one
 inspection    raycheck diagnose: all that can be said of images that nobody has judged
 compare       two images by the standard errors that they carry
 verdict_pages what was rendered, the reference and where they differ, a page for each verdict
+markdown      verdicts as a table and sentences, for the summary of a job
 junit         verdicts as XML for continuous integration
 """
