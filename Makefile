@@ -10,7 +10,7 @@
 # make calibrate  measures raycheck itself, three hours of one core, into references/calibration.json, signatures, parts and harness_mutants.json
 #                 of these only what is stale: python scripts/stale.py --measure
 # make fuzz       feeds broken scenes, PLY, OBJ and serialized files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
-# make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  a wheel of all into dist
+# make install    puts oneray into PREFIX/bin (PREFIX=/usr/local, DESTDIR in front);  make wheel  wheels of both into dist
 # make KERNELS=generic LANES=native   one general kernel at the machine's own width, in seconds, for experiments
 # make WERROR=1   stops at a warning, as make test does;  make V=1  shows each command whole
 
@@ -116,7 +116,8 @@ install: $(BUILD)/oneray
 	install -D $< $(DESTDIR)$(PREFIX)/bin/oneray
 
 wheel: $(BUILD)/oneray $(PYTHON)
-	$(PYTHON) -m pip wheel --quiet --no-deps -w dist -Ccmake.define.ONERAY=$(abspath $<) .
+	$(PYTHON) -m pip wheel --quiet --no-deps -w dist .
+	$(PYTHON) -m pip wheel --quiet --no-deps -w dist -Ccmake.define.ONERAY=$(abspath $<) ./src/oneray
 
 # ---- libFuzzer targets of the readers, under AddressSanitizer and UndefinedBehaviorSanitizer.
 FUZZ_SECONDS ?= 3600

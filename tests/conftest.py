@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from sampling import Driver
 
+pytest_plugins = ["pytester"]
 ROOT = Path(__file__).resolve().parents[1]
 
 

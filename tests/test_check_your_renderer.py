@@ -2,6 +2,7 @@
 examples run.
 """
 
+import os
 import re
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from junitparser import JUnitXml
+from test_pytest_plugin import plugin_words
 
 from raycheck.base.images import load_image, write_pfm
 from raycheck.judging.settings import PILOT_SPP, case_seeds
@@ -105,11 +107,17 @@ def test_pytest_example(tmp_path):
     (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "test_mine.py").write_text(blocks("python")[1])
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", tmp_path, tmp_path]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-    assert "2 passed" in done.stdout, done.stdout
+    words += plugin_words()
+
+    def tested(*more):
+        done = subprocess.run([*words, *more], cwd=tmp_path, capture_output=True, text=True)
+        return done.stdout + done.stderr
+
+    assert "2 skipped" in tested()
+    assert "2 passed" in tested("--raycheck")
     (tmp_path / "mine.py").write_text(MINE.replace("return mean", "return 1.05 * mean"))
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-    assert "2 failed" in done.stdout and "too bright" in done.stdout
+    output = tested("--raycheck")
+    assert "2 failed" in output and "too bright" in output
 
 
 def prerender(scene: str, factor: float, folder: Path) -> None:
@@ -124,22 +132,79 @@ def prerender(scene: str, factor: float, folder: Path) -> None:
             write_pfm(folder / f"{scene}-{spp}-{seed}.pfm", mean * noise)
 
 
-def test_workflow_example(tmp_path):
-    """Its verify step, as a shell runs it, on a renderer that is right on one scene of two."""
+def action(tmp_path, factors, **inputs):
+    """Runs the verify step of action.yml as the workflow on the page does, as a shell on GitHub would."""
     workflow = yaml.safe_load(blocks("yaml")[0])
-    [step] = [s for s in workflow["jobs"]["verify"]["steps"] if s.get("name") == "verify"]
-    for scene in ("point-light", "area-light"):
-        prerender(scene, 2 if scene == "area-light" else 1, tmp_path)
-    (tmp_path / "mine").write_text('#!/bin/sh\ncp "$(basename "$1" .xml)-$3-$5.pfm" "$7"\n')
+    [asked] = [s["with"] for s in workflow["jobs"]["verify"]["steps"] if s.get("uses") == "./raycheck"]
+    whole = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+    assert set(asked) <= set(whole["inputs"])
+    given = {name: one.get("default") for name, one in whole["inputs"].items()} | asked | inputs
+    [step] = [s for s in whole["runs"]["steps"] if s.get("id") == "verify"]
+    environment = {
+        name: str(given[re.fullmatch(r"\$\{\{ inputs\.(.*) \}\}", value)[1]])
+        for name, value in step["env"].items()
+    }
+    for scene, factor in factors.items():
+        prerender(scene, factor, tmp_path)
+    (tmp_path / "mine").write_text("""#!/bin/sh
+scene=$(basename "$1" .xml)
+file=$scene-$3-$5.pfm
+[ -f "$file" ] || file=$(ls "$scene-8-"* | head -1)  # others are rendered for their time alone
+cp "$file" "$7"
+""")
     (tmp_path / "mine").chmod(0o755)
     script = step["run"].replace("raycheck verify", f'"{sys.executable}" -m raycheck verify', 1)
-    script = script.replace("--seconds 60", "--seconds 60 --spp 8")  # decided by samples: the same everywhere
-    done = subprocess.run(["bash", "-e", "-c", script], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 1, done.stdout + done.stderr
-    [suite] = JUnitXml.fromfile(str(tmp_path / "raycheck.xml"))
+    script = script.replace('--seconds "$BUDGET"', "--spp 8")  # decided by samples: the same everywhere
+    files = {name: str(tmp_path / name) for name in ("GITHUB_STEP_SUMMARY", "GITHUB_OUTPUT")}
+    words = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", script]
+    done = subprocess.run(
+        words, cwd=tmp_path, env=os.environ | environment | files, capture_output=True, text=True
+    )
+    summary = tmp_path / "GITHUB_STEP_SUMMARY"
+    said = summary.read_text(encoding="utf-8") if summary.exists() else ""
+    return done, said, (tmp_path / "GITHUB_OUTPUT").read_text()
+
+
+def test_workflow_example(tmp_path):
+    """On a renderer that is right on one scene of two."""
+    done, summary, output = action(tmp_path, {"point-light": 1, "area-light": 2})
+    assert (done.returncode, output) == (1, "status=1\n"), done.stdout + done.stderr
+    assert "| point-light | renderer | PASS |" in summary
+    assert "| area-light | renderer | **FAIL** |" in summary
+    assert "- **area-light**: " in summary and "a factor of 2" in summary
+    results = tmp_path / "raycheck-results"
+    [suite] = JUnitXml.fromfile(str(results / "raycheck.xml"))
     found = {case.classname: case for case in suite}
-    assert found["point-light"].is_passed
-    assert found["area-light"].is_failure and "a factor of 2" in found["area-light"].result[0].message
+    assert found["point-light"].is_passed and found["area-light"].is_failure
+    assert (results / "index.html").is_file()
+    assert (results / "pictures/area-light-renderer-error.png").is_file()
+
+
+@pytest.mark.parametrize(("inconclusive", "status"), [("pass", 0), ("fail", 3)])
+def test_inconclusive_on_github(tmp_path, inconclusive, status):
+    own = {"scenes": "point-light", "inconclusive": inconclusive, "options": "--delta 0.0001"}
+    done, _, output = action(tmp_path, {"point-light": 1}, **own)
+    assert (done.returncode, output) == (status, "status=3\n"), done.stdout + done.stderr
+
+
+def test_a_command_that_is_wrong_on_github(tmp_path):
+    done, summary, output = action(tmp_path, {}, renderer="./mine")
+    assert (done.returncode, summary, output) == (2, "", "status=2\n")
+
+
+def test_githubs_schemas(tmp_path):
+    """The action, and the workflow on the page."""
+    (tmp_path / "workflow.yml").write_text(blocks("yaml")[0])
+    broken = (ROOT / "action.yml").read_text(encoding="utf-8").replace("using: composite", "using: nothing")
+    (tmp_path / "action.yml").write_text(broken)
+    check = [sys.executable, "-m", "check_jsonschema", "--builtin-schema"]
+    for schema, file, right in (
+        ("vendor.github-actions", ROOT / "action.yml", True),
+        ("vendor.github-actions", tmp_path / "action.yml", False),
+        ("vendor.github-workflows", tmp_path / "workflow.yml", True),
+    ):
+        done = subprocess.run([*check, schema, file], capture_output=True, text=True)
+        assert (done.returncode == 0) == right, done.stdout + done.stderr
 
 
 def test_nothing_is_left_of_the_template():

@@ -74,6 +74,7 @@ def examples(pictures: Path, folder: Path) -> dict[str, list[object]]:
     found = {
         "list": ["list"],
         "verify": ["verify", "point-light", "--images", wrong, "--json", folder / "verified.json"],
+        "climb": ["climb", "--renderer", "none… {scene} {output}"],
         "compare": ["compare", pictures / "a.exr", pictures / "b.exr"],
         "diagnose": ["diagnose", pictures / "wrong-0.pfm", "--scene", "point-light"],
         "scene": ["scene", "mixed-material"],
@@ -87,6 +88,7 @@ def examples(pictures: Path, folder: Path) -> dict[str, list[object]]:
         "handout": ["handout", "--assignment", folder / "none…", "-o", folder / "handout"],
         "variants": ["variants", "--assignment", folder / "none…", "-o", folder / "variants", "Zoë"],
         "selftest": ["selftest", "--attacks", "--only", "none…"],
+        "completion": ["completion", "nowhere…"],
         "calibrate": ["calibrate", "mde", "--work", folder / "none…"],
     }  # fmt: skip
     assert set(found) == set(COMMANDS)

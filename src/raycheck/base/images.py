@@ -7,6 +7,7 @@ Pixels are (H, W, 3) float64, row 0 at the top, linear radiance. How the file st
 
 import glob
 import re
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,9 +20,12 @@ from raycheck.base.arrays import Array
 from raycheck.base.errors import ImageError
 from raycheck.base.files import whole
 
+Bytes = NDArray[np.uint8]
 MAX_PIXELS = 1 << 26
 """Larger images are refused before they are decoded."""
 MOST_PARTS = 1024
+SHOWN = 256
+"""Pixels of a side of a picture in Jupyter, or its own where it has more."""
 ERRORS = ("stderr", "variance")
 """Layers of a picture's own errors."""
 _WHOLE = re.compile(rb"[0-9]{1,9}")
@@ -66,6 +70,12 @@ class Image:
             code, half = encode_srgb(self.pixels), 0.5 / (2.0 ** int(self.precision.split("-")[0]) - 1)
             return decode_srgb(code + half) - decode_srgb(code - half)
         return np.zeros_like(size)
+
+    def _repr_png_(self) -> bytes:
+        """How Jupyter shows it: as sRGB, exposed as the pages are, small ones enlarged."""
+        shown = display(self.pixels, exposure(self.pixels))
+        scale = max(SHOWN // max(shown.shape[:2]), 1)
+        return png(shown.repeat(scale, axis=0).repeat(scale, axis=1))
 
 
 def load_image(path: Path | str) -> Image:
@@ -341,7 +351,30 @@ def write_exr(path: Path, channels: Mapping[str, Array], half: bool = False) -> 
     write_image(path, spec, data)
 
 
-def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
+def exposure(reference: Array) -> float:
+    """Factor that brings the 90th percentile of luminance to 0.6: one for all pictures of a scene. NaN and
+    Inf count as black.
+    """
+    finite = np.nan_to_num(reference.mean(axis=2), nan=0.0, posinf=0.0, neginf=0.0)
+    level = float(np.quantile(finite, 0.9))
+    return 0.6 / level if level > 0 else 1.0
+
+
+def display(linear: Array, factor: float = 1.0) -> Bytes:
+    """Linear (H, W, 3), times `factor`, as 8-bit sRGB; brighter than white is clipped, NaN is black."""
+    shown = np.nan_to_num(linear * factor, nan=0.0, posinf=1.0, neginf=0.0)
+    return np.round(encode_srgb(shown) * 255).astype(np.uint8)
+
+
+def png(pixels: Bytes) -> bytes:
+    """What write_png writes."""
+    with tempfile.TemporaryDirectory(prefix="raycheck-") as folder:
+        path = Path(folder) / "picture.png"
+        write_png(path, pixels)
+        return path.read_bytes()
+
+
+def write_png(path: Path, pixels: Bytes) -> None:
     """Write (H, W, 3) 8-bit sRGB."""
     import OpenImageIO as oiio
 

@@ -1,34 +1,20 @@
 """Pictures for the report: linear radiance to sRGB, signed error to colour, PNG data URIs."""
 
 import base64
-import tempfile
-from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raycheck.base.arrays import Array
-from raycheck.base.images import encode_srgb, write_png
-
-Bytes = NDArray[np.uint8]
+from raycheck.base.images import Bytes as Bytes
+from raycheck.base.images import display as display
+from raycheck.base.images import exposure as exposure
+from raycheck.base.images import png
 
 RANGE = 4.0
 """The error map goes from −RANGE to +RANGE standard errors."""
 # Blue (too dark) through near white to red (too bright), even in lightness to both sides; after ColorBrewer's
 # RdBu.
 STOPS = np.array([[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]]) / 255
-
-
-def exposure(reference: Array) -> float:
-    """Factor that brings the 90th percentile of luminance to 0.6: one for all pictures of a scene."""
-    level = float(np.quantile(reference.mean(axis=2), 0.9))
-    return 0.6 / level if level > 0 else 1.0
-
-
-def display(linear: Array, factor: float = 1.0) -> Bytes:
-    """Linear (H, W, 3), times `factor`, as 8-bit sRGB; brighter than white is clipped, NaN is black."""
-    shown = np.nan_to_num(linear * factor, nan=0.0, posinf=1.0, neginf=0.0)
-    return np.round(encode_srgb(shown) * 255).astype(np.uint8)
 
 
 def error_map(ours: Array, reference: Array, error: Array) -> Bytes:
@@ -57,7 +43,4 @@ def legend() -> Bytes:
 
 def data_uri(pixels: Bytes) -> str:
     """A PNG in the page itself."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "picture.png"
-        write_png(path, pixels)
-        return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode("ascii")
+    return "data:image/png;base64," + base64.b64encode(png(pixels)).decode("ascii")

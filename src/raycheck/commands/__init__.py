@@ -8,6 +8,7 @@ imports at its top only what reads them; what does the work is imported when it 
 app      the command line as a whole
 edge     errors, bugs and interruptions in a line and an exit status
 options  options that several commands share
-support  the terminal, tables, a progress bar
+terminal tables, a progress bar
+pytest_plugin  tests that judge a renderer, for pytest
 work     what a command does where that is more than a call
 """

@@ -20,6 +20,8 @@ raycheck judges Monte Carlo renderers against references. The commands that matt
 
   raycheck verify point-light --renderer "./mine {scene} --spp {spp} --seed {seed} -o {output}"
       Is your renderer right on average? PASS, FAIL and what is wrong, or INCONCLUSIVE and what would decide.
+  raycheck climb --renderer "./mine {scene} --spp {spp} --seed {seed} -o {output}"
+      Scene by scene, from the simplest, while you write it: again whenever the program changes.
   raycheck verify cornell-box --images 'mine-*.exr'
       The same for pictures that are already rendered.
   raycheck diagnose mine.exr
@@ -30,8 +32,8 @@ raycheck judges Monte Carlo renderers against references. The commands that matt
 raycheck list names the scenes and techniques; raycheck COMMAND --help says more.
 """
 COMMANDS = (
-    "diagnose", "scene", "grade", "handout", "variants", "selftest", "verify", "compare", "report",
-    "techniques", "stability", "reference", "render", "calibrate", "list",
+    "diagnose", "scene", "grade", "handout", "variants", "selftest", "verify", "climb", "compare", "report",
+    "techniques", "stability", "reference", "render", "calibrate", "list", "completion",
 )  # fmt: skip
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 

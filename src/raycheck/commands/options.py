@@ -45,6 +45,10 @@ JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="A
 JunitFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Also write the verdicts here as JUnit XML, for CI.")
 ]
+MarkdownFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Also write the verdicts here as Markdown, for the summary of a job."),
+]
 HtmlFolder = Annotated[
     Path | None,
     typer.Option(
@@ -111,6 +115,27 @@ Seed = Annotated[int, typer.Option(help="Another number gives all-new samples.")
 Spp = Annotated[int | None, typer.Option(min=1, help="Samples per pixel of each judged image.")]
 Jobs = Annotated[int | None, typer.Option(min=1, help="Renders at a time, 2 by default.")]
 Timeout = Annotated[float | None, typer.Option(help="Seconds that one render may take.")]
+
+Watch = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="FILE", help="What the program is, where not the files of its command; may be repeated."
+    ),
+]
+ClimbState = Annotated[
+    Path | None,
+    typer.Option(
+        "--state", metavar="FILE", help="What is kept between runs, by default raycheck-climb.json in the "
+        "renderer's folder, or here.",
+    ),
+]  # fmt: skip
+ClimbPages = Annotated[
+    Path | None,
+    typer.Option("--html", metavar="DIR", help="Where the pages go; by default named as the state."),
+]
+RungSeconds = Annotated[
+    float | None, typer.Option(min=1, help="Budget of each scene, by default 20 or what it takes.")
+]
 
 
 class Other(StrEnum):

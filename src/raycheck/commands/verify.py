@@ -21,6 +21,7 @@ def verify(
     images: options.Pictures = None,
     json_file: options.JsonFile = None,
     junit: options.JunitFile = None,
+    markdown: options.MarkdownFile = None,
     html: options.HtmlFolder = None,
     seconds: options.Seconds = None,
     until: options.Until = None,
@@ -41,6 +42,7 @@ def verify(
     """
     writable(json_file)
     writable(junit)
+    writable(markdown)
     if thorough and seconds is not None:
         raise NotFound("--seconds is the budget of a quick run: it does not go with --thorough")
     if until is not None and (thorough or seconds is not None):
@@ -68,6 +70,7 @@ def verify(
     from raycheck.judging.cases import Verification
     from raycheck.judging.judge_images import image_paths
     from raycheck.judging.junit import junit_xml
+    from raycheck.judging.markdown import markdown as markdown_of
     from raycheck.judging.verify import verify as run_verification
     from raycheck.renderers.manifest import MANIFEST
     from raycheck.stats.verdict import Limits
@@ -75,8 +78,7 @@ def verify(
     if renderer is None and images is None and not technique and Path(MANIFEST).is_file():
         renderer = MANIFEST
 
-    standard = Limits()
-    limits = Limits(image=delta, tile=standard.tile / standard.image * delta) if delta else standard
+    limits = Limits.of(delta)
     going_on = resume and json_file is not None and json_file.is_file()
     before = Verification.read(baseline) if baseline else None
     pages = None
@@ -108,6 +110,8 @@ def verify(
         write_whole(json_file, result.to_json())
     if junit:
         write_whole(junit, junit_xml(result))
+    if markdown:
+        write_whole(markdown, markdown_of(result))
     if result.exit_status == Status.COULD_NOT_RUN:
         raise NotFound("nothing was judged: the renderer supports none of these scenes")
     raise typer.Exit(result.exit_status)

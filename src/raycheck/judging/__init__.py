@@ -26,6 +26,7 @@ tile_errors   the error in tiles, and its noise
 fitting       how likely candidates are, all by one formula
 conventions   pictures that were written, or sampled, in another way
 repeated      looks at a case again and again until it is decided, by evidence that multiplies
+climb         the ladder again and again, with a renderer that is being written
 consistent    judges the limit of a bias that shrinks with a parameter
 baseline      today's verdicts beside another day's
 settings      numbers of images, budgets, wishes
@@ -34,5 +35,6 @@ judge_images  verdicts on pictures that are already rendered, even a single one
 inspection    raycheck diagnose: all that can be said of images that nobody has judged
 compare       two images by the standard errors that they carry
 verdict_pages what was rendered, the reference and where they differ, a page for each verdict
+markdown      verdicts as a table and sentences, for the summary of a job
 junit         verdicts as XML for continuous integration
 """

@@ -1,7 +1,8 @@
 """The verdicts of a run, as they are kept in a file."""
 
+import html
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from raycheck.base.errors import NotFound
 from raycheck.base.statuses import Status
+from raycheck.base.text import percent, signed
 from raycheck.stats.verdict import Outcome
 from raycheck.truth.provenance import Provenance
 
@@ -85,6 +87,16 @@ class Case:
         """The renderer does not support the scene."""
         return self.verdict is Outcome.SKIP
 
+    def _repr_html_(self) -> str:
+        """How Jupyter shows it."""
+        return Verification([self])._repr_html_()
+
+
+INK = {
+    Outcome.FAIL: "#b2182b", Outcome.INCONCLUSIVE: "#8a6d00", Outcome.PASS: "#1a7f37", Outcome.SKIP: "#666",
+}  # fmt: skip
+"""Colours of verdicts in Jupyter."""
+
 
 @dataclass(frozen=True)
 class Verification:
@@ -115,6 +127,22 @@ class Verification:
             raise NotFound(f"{path}: not a result of raycheck verify --json ({error})") from None
         return cls(cases, found)
 
+    def _repr_html_(self) -> str:
+        """How Jupyter shows it: a table of verdicts with their figures, and why where it is no PASS."""
+        head = ("scene", "technique", "verdict", "bias", "99 %", "detectable", "")
+        rows = [_row("th", map(html.escape, head))]
+        for case in self.cases:
+            known = case.bias is not None and case.bias_low is not None and case.bias_high is not None
+            figures = [
+                signed(case.bias or 0.0), f"{signed(case.bias_low or 0.0)} … {signed(case.bias_high or 0.0)}",
+                percent(case.mde_image) if case.mde_image is not None else "",
+            ]  # fmt: skip
+            verdict = f'<b style="color:{INK[case.verdict]}">{case.verdict}</b>'
+            plain = map(html.escape, (case.scene, case.technique))
+            why = "" if case.verdict is Outcome.PASS else html.escape(case.reason)
+            rows.append(_row("td", [*plain, verdict, *(figures if known else ["", "", ""]), why]))
+        return f"<table>{''.join(rows)}</table>"
+
     def to_json(self) -> str:
         cases = [asdict(case) for case in self.cases]
         for values in cases:
@@ -124,3 +152,8 @@ class Verification:
         return (
             json.dumps({**self.header, "cases": cases}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         )
+
+
+def _row(cell: str, texts: Iterable[str]) -> str:
+    cells = "".join(f'<{cell} style="text-align:left">{text}</{cell}>' for text in texts)
+    return f"<tr>{cells}</tr>"

@@ -29,6 +29,24 @@ def page_name(scene: str, technique: str) -> str:
     return "-".join((Path(scene).stem if "/" in scene else scene, technique)).replace("=", "")
 
 
+Drawn = tuple[str, pictures.Bytes, str]
+"""A picture: its name, 8-bit pixels (H, W, 3), and what it shows."""
+
+
+def drawn(images: Array, truth: Truth) -> list[Drawn]:
+    """What the pictures (B, H, W, 3) show beside the truth: mine, the reference, and where they differ."""
+    mean = images.mean(axis=0)
+    own = images.var(axis=0, ddof=1) / len(images) if len(images) >= FEWEST else truth.sample_variance
+    error = pictures.error_map(mean, truth.mean, np.sqrt(own + truth.variance))
+    factor = pictures.exposure(truth.mean)
+    return [
+        ("mine", pictures.display(mean, factor), f"mine: the mean of {len(images)} pictures"),
+        ("reference", pictures.display(truth.mean, factor),
+         "closed form" if truth.closed_form else "the reference, by Mitsuba"),
+        ("error", error, "mine − reference, in units of its standard error"),
+    ]  # fmt: skip
+
+
 @dataclass
 class Gallery:
     """Takes in the pictures of a run as they are rendered, and writes the page of each verdict."""
@@ -47,16 +65,16 @@ class Gallery:
         _, kept = self.seen.setdefault((scene, technique), (truth, {}))
         kept.setdefault(spp, []).append(images)
 
-    def add(self, case: Case) -> None:
-        """Write the page of a case, if it has pictures: the judged sets, the most that were rendered at a
-        time, or those that were enough for a verdict.
+    def add(self, case: Case) -> list[Drawn]:
+        """Write the page of a case, if it has pictures, and give what it shows: of the judged sets, the most
+        that were rendered at a time, or those that were enough for a verdict.
         """
         if (case.scene, case.technique) not in self.seen:
-            return
+            return []
         truth, kept = self.seen.pop((case.scene, case.technique))
         most = max(len(images) for sets in kept.values() for images in sets)
         judged = [[images for images in sets if len(images) == most] for sets in kept.values()]
-        self._write(case, np.concatenate(max(judged, key=len)), truth)
+        return self._write(case, np.concatenate(max(judged, key=len)), truth)
 
     def finish(self, result: Verification) -> Path:
         """The index of the pages, FAILs first."""
@@ -67,17 +85,8 @@ class Gallery:
         self.site.page(INDEX, "Verdicts", "verdicts.html", rows=rows)
         return self.site.finish("Verdicts")
 
-    def _write(self, case: Case, images: Array, truth: Truth) -> None:
-        name, mean = page_name(case.scene, case.technique), images.mean(axis=0)
-        own = images.var(axis=0, ddof=1) / len(images) if len(images) >= FEWEST else truth.sample_variance
-        error = pictures.error_map(mean, truth.mean, np.sqrt(own + truth.variance))
-        factor = pictures.exposure(truth.mean)
-        shown = [
-            ("mine", pictures.display(mean, factor), f"mine: the mean of {len(images)} pictures"),
-            ("reference", pictures.display(truth.mean, factor),
-             "closed form" if truth.closed_form else "the reference, by Mitsuba"),
-            ("error", error, "mine − reference, in units of its standard error"),
-        ]  # fmt: skip
+    def _write(self, case: Case, images: Array, truth: Truth) -> list[Drawn]:
+        name, shown = page_name(case.scene, case.technique), drawn(images, truth)
         height, width = truth.shape
         files = self._kept(name, images) if case.verdict is Outcome.FAIL else []
         diagnose = ["raycheck", "diagnose", *files, "--scene", case.scene] if files else []
@@ -88,6 +97,7 @@ class Gallery:
             tile=_share(case.tile, height, width), repeat=self.repeat(case), diagnose=_globbed(diagnose),
         )  # fmt: skip
         self.shown.append((name, case))
+        return shown
 
     def _kept(self, name: str, images: Array) -> list[str]:
         """The pictures as files, for other commands; those that were given are there."""

@@ -365,11 +365,16 @@ def _header(
     spent: float, cases: list[Case], left_out: Mapping[str, str], thorough: bool, seed: int, jobs: int,
     alpha: float = ALPHA,
 ) -> dict[str, Any]:  # fmt: skip
-    totals = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
     return {
         "raycheck": raycheck_version(),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), "machine": machine(),
         "mode": "thorough" if thorough else "quick", "seed": seed, "jobs": jobs, "alpha": alpha,
-        "totals": totals | {"seconds": round(max(spent, sum(case.seconds for case in cases)), 1)},
+        "totals": totals(cases, spent),
         "left_out": dict(left_out),
     }  # fmt: skip
+
+
+def totals(cases: Sequence[Case], spent: float = 0.0) -> dict[str, float]:
+    """How many verdicts of each kind there are, and the seconds that they took."""
+    counts = {outcome.value: sum(case.verdict is outcome for case in cases) for outcome in Outcome}
+    return counts | {"seconds": round(max(spent, sum(case.seconds for case in cases)), 1)}

@@ -8,6 +8,7 @@ renderer        what every renderer is to a judge
 commands        a command line with {scene} {spp} {seed} {output}; its process is ended with all that it
                 started
 callables       a Python function
+watched         the files that a renderer is, and waiting until they change
 oneray          where oneray is, and its command line
 bundle          oneray with its libraries, for another machine
 builds          which raycheck and which oneray: machines that share work must have the same

@@ -99,7 +99,7 @@ def _limits(table: Any) -> OwnLimits:
 def manifest_of(renderer: str | Path) -> Path | None:
     """The manifest that stands for a renderer: the file, or that of a folder; None where it is a command."""
     path = Path(renderer)
-    if path.is_dir():
+    if str(renderer) and path.is_dir():  # Path("") is here, and no command
         path = path / MANIFEST
         if not path.is_file():
             raise NotFound(f"{renderer}: a folder without a {MANIFEST}")

@@ -47,6 +47,11 @@ class Limits:
     image: float = 0.01
     tile: float = 0.05
 
+    @classmethod
+    def of(cls, image: float | None) -> "Limits":
+        """Those of the image, and of tiles in proportion; the usual ones where nothing is said."""
+        return cls(image, cls.tile / cls.image * image) if image else cls()
+
 
 @dataclass(frozen=True)
 class Expected:

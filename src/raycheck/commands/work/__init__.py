@@ -5,6 +5,8 @@ In come the values of a command line. Out come tables and sentences on standard 
 error, and what the exit status depends on. A command whose work is one call of another package has no module
 here.
 
+climb               the ladder's verdicts as a renderer is being written
+completion          what a shell reads to complete a command line
 grade, grade_check  a class graded, an assignment tried out
 reference           references made, with how long that takes
 report              the races of a report

@@ -68,15 +68,7 @@ def show(result: Verification) -> None:
         quiet = case.verdict is Outcome.PASS and case.order is None
         if not quiet and not case.skipped:
             console.print()
-            console.print(
-                f"{escape(case.scene)}, {case.technique}: [{COLOURS[case.verdict]}]{case.verdict}[/]", end=" "
-            )
-            console.print(
-                one_line(case.reason[:1].upper() + case.reason[1:] + "."),
-                markup=False,
-                highlight=False,
-                soft_wrap=True,
-            )
+            show_sentence(console, case)
     totals = result.header.get("totals", {})
     told = [o for o in Outcome if o is not Outcome.SKIP or totals.get(o.value)]
     counts = ", ".join(f"{totals.get(o.value, 0)} {o.value}" for o in told)
@@ -95,6 +87,14 @@ def show(result: Verification) -> None:
     left_out = sentences.left_out(result.header.get("left_out", {}))
     for line in (*sentences.left_out(skipped, "SKIP"), *left_out):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def show_sentence(console: Output, case: Case) -> None:
+    """What the verdict says."""
+    verdict = f"[{COLOURS[case.verdict]}]{case.verdict}[/]"
+    console.print(f"{escape(case.scene)}, {case.technique}: {verdict}", end=" ")
+    sentence = one_line(case.reason[:1].upper() + case.reason[1:] + ".")
+    console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
 
 def _open_ones(result: Verification) -> str:
