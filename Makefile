@@ -118,6 +118,27 @@ install: $(BUILD)/oneray
 wheel: $(BUILD)/oneray $(PYTHON)
 	$(PYTHON) -m pip wheel --quiet --no-deps -w dist -Ccmake.define.ONERAY=$(abspath $<) .
 
+# ---- oneray as WebAssembly, for the lecture's pages: by clang with lld, wasi-libc and compiler-rt of Debian (scripts/setup.sh).
+# Without pictures and packed meshes (src/wasm/left_out.c), with a small XML parser in expat's place.
+WASM_CC ?= clang-19
+WASM := $(BUILD)/wasm
+WASM_KERNELS := double:2 single:4
+WASM_FLAGS := --target=wasm32-wasi -std=c99 -D_XOPEN_SOURCE=700 -O2 -msimd128 -ffp-contract=off -fno-math-errno \
+    -fno-trapping-math -isystem src/wasm/include -Isrc/oneray -I$(BUILD) $(WARN) -Wno-sign-conversion -Wno-shorten-64-to-32
+WASM_SOURCES := $(wildcard src/wasm/*.c) $(filter-out %/kernel.c %/instances.c %/exr.c %/picture.c %/output.c %/image.c %/openexr.c \
+    %/serialized.c %/stats.c,$(SOURCES))
+WASM_OBJECTS := $(WASM_SOURCES:src/%.c=$(WASM)/%.o) $(foreach k,$(WASM_KERNELS),$(WASM)/kernel_$(call name_of,$(k)).o)
+$(WASM)/%.o: src/%.c $(HEADERS) $(wildcard src/wasm/include/*.h) Makefile
+	@mkdir -p $(@D)
+	$(call run,WASM,$<)$(WASM_CC) $(WASM_FLAGS) -D'KERNELS(X)=$(foreach k,$(WASM_KERNELS),X($(call part,$(k),1),$(call part,$(k),2),0))' \
+	    -c $< -o $@
+$(WASM)/kernel_%.o: src/oneray/kernel/kernel.c $(HEADERS) $(wildcard src/wasm/include/*.h) Makefile
+	@mkdir -p $(@D)
+	$(call run,WASM,$< $*)$(WASM_CC) $(WASM_FLAGS) $(if $(findstring single,$*),-DSINGLE) -DLANES=$(lastword $(subst _, ,$*)) \
+	    -DKERNEL=kernel_$* -c $< -o $@
+$(WASM)/oneray.wasm: $(WASM_OBJECTS)
+	$(call run,LINK,$@)$(WASM_CC) --target=wasm32-wasi -O2 -Wl,--strip-all -Wl,-z,stack-size=1048576 -o $@ $^
+
 # ---- libFuzzer targets of the readers, under AddressSanitizer and UndefinedBehaviorSanitizer.
 FUZZ_SECONDS ?= 3600
 FUZZERS := $(foreach f,scene ply obj serialized,$(BUILD)/fuzz/$(f))
