@@ -1,12 +1,12 @@
 "use strict";
 // Runs oneray.wasm where there is no system: the part of WASI (snapshot preview 1) that it asks for, files in memory.
 // In a page, a worker, or by `node src/wasm/oneray.js build/wasm/oneray.wasm ARGUMENTS …`, where files are those
-// below the working folder.
+// below the working folder, and MISTAKE=3 makes a mistake.
 
 // The program with these arguments. `read(path)` gives a file's bytes or null, by its path
-// from the root, without the first slash. Returns its exit status, what it said on
+// from the root, without the first slash. `mistake` is one that the build has switches for. Returns its exit status, what it said on
 // standard output and error, and the files that it wrote, by path.
-function runOneray(module, words, read) {
+function runOneray(module, words, read, mistake = 0) {
   const OK = 0, BAD_FILE = 8, NO_ENTRY = 44, NO_SYSTEM = 52;
   const written = new Map(), open = new Map([[3, { folder: "/" }]]);
   const said = ["", "", ""], encoder = new TextEncoder(), decoder = new TextDecoder();
@@ -125,6 +125,7 @@ function runOneray(module, words, read) {
   const imports = Object.fromEntries(WebAssembly.Module.imports(module).map((one) => [one.name, system[one.name] ?? (() => NO_SYSTEM)]));
   const instance = new WebAssembly.Instance(module, { wasi_snapshot_preview1: imports });
   memory = instance.exports.memory;
+  if (mistake) instance.exports.mistake(mistake);
   let status = 0;
   try {
     instance.exports._start();
@@ -137,9 +138,9 @@ function runOneray(module, words, read) {
 }
 
 if (typeof process !== "undefined" && typeof require === "function" && require.main === module) {
-  const fs = require("node:fs"), [program, ...words] = process.argv.slice(2);
+  const fs = require("node:fs"), [program, ...words] = process.argv.slice(2), mistake = Number(process.env.MISTAKE ?? 0);
   const read = (path) => { try { return new Uint8Array(fs.readFileSync(path)); } catch { return null; } };
-  const done = runOneray(new WebAssembly.Module(fs.readFileSync(program)), words, read);
+  const done = runOneray(new WebAssembly.Module(fs.readFileSync(program)), words, read, mistake);
   process.stdout.write(done.output);
   process.stderr.write(done.errors);
   for (const [path, data] of done.files) fs.writeFileSync(path, data);
