@@ -87,6 +87,8 @@ def changes(mutant: Mutant, number: int, root: Path) -> list[Change]:
             first -= 1
         while not _ends_statement(lines[last - 1]):
             last += 1
+        if not lines[first].startswith((" ", "\t")):
+            raise PatchError(f"{file}:{first + 1}: the patch changes more than statements")
         wrong = [*lines[first:begin], *(line[1:] for line in middle if line[0] != "-"), *lines[end:last]]
         found.append(Change(file, first, last, number, "".join(line + "\n" for line in wrong)))
     return found
