@@ -71,6 +71,11 @@ def _ends_statement(line: str) -> bool:
     return re.search(r"([;}]|\s\{|^\{|\*/)\s*(/\*.*\*/)?\s*$", line) is not None or not line.strip()
 
 
+def _open_braces(lines: Sequence[str]) -> int:
+    text = "".join(lines)
+    return text.count("{") - text.count("}")
+
+
 def changes(mutant: Mutant, number: int, root: Path) -> list[Change]:
     """The whole statements that a mutant's patch changes."""
     found = []
@@ -85,8 +90,10 @@ def changes(mutant: Mutant, number: int, root: Path) -> list[Change]:
         first, last = begin, end
         while not _ends_statement(lines[first - 1]):
             first -= 1
-        while not _ends_statement(lines[last - 1]):
+        while not _ends_statement(lines[last - 1]) or _open_braces(lines[first:last]) > 0:
             last += 1
+        if _open_braces(lines[first:last]):
+            raise PatchError(f"{file}:{first + 1}: the patch changes a part of a block")
         if not lines[first].startswith((" ", "\t")):
             raise PatchError(f"{file}:{first + 1}: the patch changes more than statements")
         wrong = [*lines[first:begin], *(line[1:] for line in middle if line[0] != "-"), *lines[end:last]]

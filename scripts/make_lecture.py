@@ -33,12 +33,14 @@ import numpy as np
 from lecture_switches import copy_with_switches
 from markupsafe import Markup
 
-from raycheck.base.errors import NotFound
+from raycheck.base.errors import NotFound, PlainError, RenderError
 from raycheck.base.files import made_folder, write_whole
-from raycheck.base.images import load_image
 from raycheck.calibration import mutants
 from raycheck.grading import c_functions
 from raycheck.scene.techniques import technique
+from raycheck.scene.variants import variant
+from raycheck.truth.expected import truth_of
+from raycheck.truth.references import load_reference
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXTS = ROOT / "docs/lecture"
@@ -56,8 +58,9 @@ class Section:
     """Its file's, L10."""
     about: dict[str, Any]
     """`title`; `claim`, a sentence; `ways`, tables of a `name`, a `technique` or `options`, and what differs from the
-    section: `scene`, `settings` (-D) and `reference`; `scene`; `spp`; `code`, "file function" each; `mistakes`, names of
-    tests/mutants, with the way that shows each (from 0) behind a colon; `check`, commands; `task` of the assignment.
+    section: `scene`, `settings` (-D) and `reference`; `shown`, which of them are A and B at first, from 0; `scene`; `spp`;
+    `code`, "file function" each; `mistakes`, names of tests/mutants, with the way that shows each behind a colon;
+    `check`, commands. Without ways the page shows the converged picture, and says `recorded`.
     """
     text: str
 
@@ -94,9 +97,18 @@ def with_mathml(text: str) -> str:
     def shown(found: re.Match[str]) -> str:
         block = found[1] is not None
         made = latex2mathml.converter.convert(found[1] or found[2], display="block" if block else "inline")
+        made = with_plain_powers(made)
         return f'<div class="formula">{made}</div>' if block else made
 
     return re.sub(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", shown, text, flags=re.DOTALL)
+
+
+_RAISED = re.compile(r"<msup>((?:(?!</?msup>).)*?)<mn>([2-5])</mn></msup>")
+
+
+def with_plain_powers(math: str) -> str:
+    """Powers as characters: where a system has no font for mathematics, browsers raise them too far."""
+    return _RAISED.sub(lambda m: f'<mrow>{m[1]}<mo lspace="0" rspace="0">{"²³⁴⁵"[int(m[2]) - 2]}</mo></mrow>', math)
 
 
 def code_of(place: str) -> dict[str, Any]:
@@ -129,10 +141,12 @@ def packed(data: bytes) -> str:
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()
 
 
-def reference(name: str) -> dict[str, Any]:
-    """Mitsuba's picture as base64 of halves, rows from the top."""
-    pixels = load_image(ROOT / f"references/{name}.exr").pixels
-    halves = np.clip(pixels, 0, 65504).astype("<f2")
+def reference(label: str) -> dict[str, Any]:
+    """The converged picture, in closed form where there is one: base64 of halves, rows from the top."""
+    name, _, parameter = label.partition("@")
+    given = dict([parameter.split("=")]) if parameter else {}
+    mean = truth_of(load_reference(variant(name, given))).mean
+    halves = np.clip(mean, 0, 65504).astype("<f2")
     height, width = halves.shape[:2]
     return {"width": width, "height": height, "data": base64.b64encode(halves.tobytes()).decode()}
 
@@ -146,7 +160,9 @@ def compile_program(folder: Path, names: list[str]) -> Path:
     known = {one.name: one for one in mutants.catalogue()}
     copy_with_switches(ROOT, folder, [known[name] for name in names])
     clean = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
-    subprocess.run(["make", "-s", "BUILD=build", "WARN=", "build/wasm/oneray.wasm"], cwd=folder, check=True, env=clean)
+    words = ["make", "-s", "BUILD=build", "WARN=", "build/wasm/oneray.wasm"]
+    if subprocess.run(words, cwd=folder, check=False, env=clean).returncode:
+        raise RenderError(f"{folder}: oneray with mistakes to switch on does not compile")
     return folder / "build/wasm/oneray.wasm"
 
 
@@ -165,14 +181,16 @@ def make(folder: Path) -> Path:
     program = compile_program(folder / "source", names)
     ways = [way for one in sections for way in one.ways]
     scenes = {way["scene"] for way in ways} | {"lecture"}
+    pictures = {way["reference"] for way in ways} | {one.about["scene"] for one in sections if not one.ways}
     data = {
         "scenes": {f"{s}.xml": (ROOT / f"scenes/{s}.xml").read_text(encoding="utf-8") for s in sorted(scenes)},
-        "references": {r: reference(r) for r in sorted({way["reference"] for way in ways})},
+        "references": {r: reference(r) for r in sorted(pictures)},
     }
     templates = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEXTS), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
+    tasks = tomllib.loads((ROOT / "docs/lecture12.toml").read_text(encoding="utf-8"))["task"]
     shown = []
     for one in sections:
         body = templates.from_string(with_mathml(one.text)).render(name=one.name)
@@ -185,7 +203,8 @@ def make(folder: Path) -> Path:
                  "symptom": catalogue[n].symptom, "harmless": catalogue[n].equivalent or ""}
                 for n, way in one.mistakes
             ],
-            "ways": one.ways,
+            "ways": one.ways, "tasks": [task for task in tasks if task["lecture"] == one.name],
+            "first": one.about.get("shown", [0, len(one.ways) - 1]),
         })  # fmt: skip
     drawn = (TEXTS / "figures.css").read_text(encoding="utf-8")
     for one in shown:
@@ -214,7 +233,7 @@ def main() -> None:
     folder = parser.parse_args().output.resolve()
     try:
         page = make(folder)
-    except NotFound as error:
+    except PlainError as error:
         sys.exit(f"make_lecture: {error}")
     print(f"{page}: {page.stat().st_size / 1e6:.2f} MB")
 

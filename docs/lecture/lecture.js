@@ -79,18 +79,46 @@
 
   const average = (values) => values.reduce((sum, x) => sum + x, 0) / values.length;
 
-  // RMSE and mean difference over the mean; the standard error of that; the mean variance of a sample, over the mean squared.
-  function figures(sum, reference) {
-    const n = sum.mean.length, whole = average(reference.values);
-    let squares = 0, difference = 0, variance = 0;
-    for (let i = 0; i < n; i++) {
-      const d = sum.mean[i] - reference.values[i];
-      squares += d * d;
-      difference += d;
-      variance += sum.n > 1 ? sum.square[i] / (sum.n - 1) : 0;
+  // The pixels at a lamp's edge: how much of the lamp is in them is what they are noisy by, whatever the technique.
+  function edges({ width, height, values }) {
+    const whole = average(values), found = new Uint8Array(width * height);
+    for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
+      let low = Infinity, high = 0;
+      for (let v = Math.max(y - 1, 0); v <= Math.min(y + 1, height - 1); v++) for (let u = Math.max(x - 1, 0); u <= Math.min(x + 1, width - 1); u++) {
+        const k = 3 * (v * width + u), light = (values[k] + values[k + 1] + values[k + 2]) / 3;
+        [low, high] = [Math.min(low, light), Math.max(high, light)];
+      }
+      found[y * width + x] = high > 4 * whole && low < 0.8 * high;
     }
-    return { rmse: Math.sqrt(squares / n) / whole, off: difference / n / whole, variance: variance / n / whole ** 2,
-      error: Math.sqrt(variance / sum.n) / n / whole * Math.sqrt(3) };
+    return found;
+  }
+
+  // Over the mean of the converged picture: RMSE; the difference of the means and its standard error; the mean variance of a
+  // sample, over the mean squared; and the tile of 8 × 8 that is off the most for its noise: by how much, and how many
+  // standard errors that is. RMSE and variance are without edges.
+  function figures(sum, reference) {
+    const whole = average(reference.values), skip = reference.edges ??= edges(reference), tiles = new Map();
+    let squares = 0, variance = 0, count = 0, difference = 0, noise = 0;
+    for (let i = 0; i < sum.width * sum.height; i++) {
+      const tile = `${Math.floor(i % sum.width / 8)},${Math.floor(i / sum.width / 8)}`, t = tiles.get(tile) ?? [0, 0, 0];
+      for (let k = 3 * i; k < 3 * i + 3; k++) {
+        const d = (sum.mean[k] - reference.values[k]) / whole, v = sum.n > 1 ? sum.square[k] / (sum.n - 1) / whole ** 2 : 0;
+        t[0] += d;
+        t[1] += v / sum.n;
+        t[2] += 1;
+        difference += d;
+        noise += v / sum.n;
+        if (!skip[i]) { squares += d * d; variance += v; count++; }
+      }
+      tiles.set(tile, t);
+    }
+    const n = sum.mean.length, channels = Math.sqrt(3); // three channels of a sample are off together
+    let worst = { off: 0, times: 0 };
+    for (const [d, v, k] of tiles.values()) {
+      const one = { off: d / k, times: Math.abs(d) / (channels * Math.sqrt(v) + 1e-3 * k) };
+      if (one.times > worst.times) worst = one;
+    }
+    return { rmse: Math.sqrt(squares / count), off: difference / n, variance: variance / count, error: channels * Math.sqrt(noise) / n, worst };
   }
 
   const encode = (x) => 255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * Math.min(x, 1) ** (1 / 2.4) - 0.055);
@@ -137,16 +165,18 @@
   }
 
   // What A and B say of each other, in words.
-  function compared([a, b], names, mistake) {
+  function compared([a, b]) {
     const says = [];
-    const wrong = (one) => Math.abs(one.off) > 0.01 && Math.abs(one.off) > 4 * one.error;
+    const dark = (off) => `${percent(Math.abs(off))} too ${off > 0 ? "bright" : "dark"}`;
+    const shifted = (one) => Math.abs(one.off) > Math.max(0.002, 4 * one.error), elsewhere = (one) => one.worst.times > 6 && Math.abs(one.worst.off) > 0.01;
     [a, b].forEach((one, k) => {
-      if (wrong(one)) says.push(`${NAMES[k]} is ${percent(Math.abs(one.off))} too ${one.off > 0 ? "bright" : "dark"} on average (± ${percent(one.error)}): more samples do not help.`);
+      if (shifted(one)) says.push(`${NAMES[k]} is ${dark(one.off)} on average (± ${percent(one.error)}). More samples do not help.`);
+      else if (elsewhere(one)) says.push(`${NAMES[k]} is right on average, but not everywhere: a tile of 8 × 8 pixels is off by ${percent(Math.abs(one.worst.off))} of the picture's mean. More samples do not help.`);
     });
-    if (!wrong(a) && !wrong(b) && a.variance > 0 && b.variance > 0 && a.n > 1) {
-      const ratio = b.variance / a.variance;
-      const about = ratio < 0.9 || ratio > 1.1 ? `a sample of B has ${Number(ratio.toPrecision(2))} times the variance of one of A, and takes ${Number((b.seconds / a.seconds).toPrecision(2))} times as long` : "their samples are about as noisy";
-      says.push(`Both agree with the converged picture on average${mistake ? ", B's mistake or not" : ""}; ${about}.`);
+    if (says.length === 0 && a.variance > 0 && b.variance > 0) {
+      const ratio = b.variance / a.variance, about = Number(ratio.toPrecision(2));
+      const noise = ratio > 0.9 && ratio < 1.1 ? "A sample of B is about as noisy as one of A" : `A sample of B has ${about.toLocaleString("en")} times the variance of one of A`;
+      says.push(`Neither differs from the converged picture by more than its noise. ${noise}; it took ${Number((b.pace / a.pace).toPrecision(2))} times as long, starting up included.`);
     }
     return says.join(" ");
   }
@@ -162,7 +192,7 @@
 
     async function show() {
       await start();
-      ways.length && choice.forEach((one, k) => {
+      choice.forEach((one, k) => {
         const reference = references[ways[one.value].reference];
         paintPicture(pictures[k], reference, exposure(reference.values));
         paintError(errors[k], { ...reference, mean: reference.values }, reference);
@@ -191,7 +221,7 @@
           seconds += done.seconds;
           totals[k] = join(totals[k], layersOf(done.film));
           first += count;
-          last[k] = { ...figures(totals[k], reference), seconds, n: totals[k].n };
+          last[k] = { ...figures(totals[k], reference), pace: done.seconds / count };
           curves[k].push([totals[k].n, last[k].rmse]);
           paintPicture(pictures[k], { ...totals[k], values: totals[k].mean }, scale);
           paintError(errors[k], totals[k], reference);
@@ -201,7 +231,7 @@
         told[k].textContent = `${name}: ${totals[k].n} sample${totals[k].n > 1 ? "s" : ""} in ${seconds.toFixed(seconds < 1 ? 2 : 1)} s, RMSE ${percent(last[k].rmse)}, mean ${last[k].off < 0 ? "" : "+"}${percent(last[k].off)}`;
         pictures[k].setAttribute("aria-label", `${NAMES[k]}: ${told[k].textContent}`);
       }));
-      if (mine === turn && last[0] && last[1]) sum.textContent = compared(last, asked.ways.map((one) => one.name), asked.mistake);
+      if (mine === turn && last[0] && last[1]) sum.textContent = compared(last);
       box.dataset.done = mine === turn ? String(Number(box.dataset.done ?? 0) + 1) : box.dataset.done ?? "0";
     }
 
@@ -223,6 +253,13 @@
     }, { rootMargin: "0px 0px -25% 0px" }).observe(box);
     return { show, redraw: () => curves.some((one) => one.length) && draw(plot, curves), seen: () => seen };
   }
+
+  async function keep(canvas) {
+    await start();
+    const one = references[canvas.dataset.reference];
+    paintPicture(canvas, one, exposure(one.values));
+  }
+  document.querySelectorAll("canvas.kept").forEach(keep);
 
   // The lecture's two pictures.
   async function head(box) {
