@@ -2,8 +2,8 @@
 
     python scripts/make_lecture.py [-o build/lecture]
 
-It leaves index.html, which needs no network and no server, and figures/NAME.svg, the drawings for slides. oneray
-is compiled to WebAssembly with the mistakes of the sections to be switched on (lecture_switches.py); it, the
+It leaves index.html, which needs no network and no server; figures/NAME.svg, the drawings for slides; and solved.html,
+for teachers: the assignment's tasks with the functions that the handout lacks. oneray is compiled to WebAssembly with the mistakes of the sections to be switched on (lecture_switches.py); it, the
 scenes and Mitsuba's pictures of them are in the page, packed. The C that a section shows is taken from the sources.
 
 A section is docs/lecture/NAME.html: between two lines +++ TOML that says what it renders, then HTML, a template
@@ -93,12 +93,22 @@ def order(name: str) -> tuple[int, int]:
     return (name[0] != "L", int(name[1:]) if name[0] in "LP" else 99)
 
 
+def read_sections() -> list[Section]:
+    """All, in their order."""
+    return sorted((read_section(path) for path in TEXTS.glob("[A-Z][0-9]*.html")), key=lambda one: order(one.name))
+
+
+def mistakes_of(sections: list[Section]) -> list[str]:
+    """Mistake number 1 is the first."""
+    return list(dict.fromkeys(name for one in sections for name, _ in one.mistakes))
+
+
 def with_mathml(text: str) -> str:
     def shown(found: re.Match[str]) -> str:
         block = found[1] is not None
         made = latex2mathml.converter.convert(found[1] or found[2], display="block" if block else "inline")
         made = with_plain_powers(made)
-        return f'<div class="formula">{made}</div>' if block else made
+        return f'<div class="formula" tabindex="0">{made}</div>' if block else made
 
     return re.sub(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", shown, text, flags=re.DOTALL)
 
@@ -131,6 +141,11 @@ def code_of(place: str) -> dict[str, Any]:
     return {"file": f"src/oneray/{file}", "name": name, "line": first + 1, "html": coloured(lines[first : last + 1])}
 
 
+def solution(name: str) -> dict[str, Any]:
+    """A function that the handout lacks."""
+    return code_of(f"{c_functions.find(SOURCES, name).path.relative_to(SOURCES).as_posix()} {name}")
+
+
 def coloured(lines: list[str]) -> Markup:
     """C with its comments apart."""
     text = html.escape("\n".join(lines), quote=False)
@@ -151,11 +166,16 @@ def reference(label: str) -> dict[str, Any]:
     return {"width": width, "height": height, "data": base64.b64encode(halves.tobytes()).decode()}
 
 
+def lacking() -> str:
+    """What the compilation wants and this machine has not."""
+    missing = [tool for tool in TOOLS if not shutil.which(tool)]
+    missing += ["wasi-libc"] * (not Path("/usr/include/wasm32-wasi").is_dir())
+    return ", ".join(missing)
+
+
 def compile_program(folder: Path, names: list[str]) -> Path:
     """oneray.wasm with switches for these mistakes."""
-    lacking = [tool for tool in TOOLS if not shutil.which(tool)]
-    if lacking or not Path("/usr/include/wasm32-wasi").is_dir():
-        what = ", ".join(lacking) or "wasi-libc"
+    if what := lacking():
         raise NotFound(f"{what}: not there; the lecture's pages want: apt-get install {PACKAGES}")
     known = {one.name: one for one in mutants.catalogue()}
     copy_with_switches(ROOT, folder, [known[name] for name in names])
@@ -175,9 +195,9 @@ def figure_file(drawing: str, style: str) -> str:
 
 
 def make(folder: Path) -> Path:
-    sections = sorted((read_section(path) for path in TEXTS.glob("[A-Z][0-9]*.html")), key=lambda s: order(s.name))
+    sections = read_sections()
     catalogue = {one.name: one for one in mutants.catalogue()}
-    names = list(dict.fromkeys(name for one in sections for name, _ in one.mistakes))
+    names = mistakes_of(sections)
     program = compile_program(folder / "source", names)
     ways = [way for one in sections for way in one.ways]
     scenes = {way["scene"] for way in ways} | {"lecture"}
@@ -220,6 +240,9 @@ def make(folder: Path) -> Path:
         script=Markup((TEXTS / "lecture.js").read_text(encoding="utf-8")),
     )  # fmt: skip
     write_whole(folder / "index.html", page)
+    solved = [{"task": task, "code": [solution(name) for name in task.get("functions", [])]} for task in tasks]
+    style = Markup((TEXTS / "lecture.css").read_text(encoding="utf-8"))
+    write_whole(folder / "solved.html", templates.get_template("solved.html").render(tasks=solved, style=style))
     return folder / "index.html"
 
 

@@ -300,5 +300,6 @@
     if (event.key === "Escape") project(false);
   });
   addEventListener("hashchange", () => { if (document.body.classList.contains("project")) project(true); });
-  window.lecture = { render };
+  // For who wants to render a scene of their own: lecture.add("mine.xml", text), then lecture.render(0, "mine", ["--estimator", "nee"], 0, 16, 0).
+  window.lecture = { render, add: async (name, text) => (await start()).forEach((worker) => worker.postMessage({ name, text })) };
 })();

@@ -1,9 +1,14 @@
 "use strict";
-// In a worker: renders samples with oneray and hands over the film. The first message has the program and the scenes.
+// In a worker: renders samples with oneray and hands over the film. The first message has the program and the scenes;
+// later ones may add a file.
 let program = null, scenes = null;
 onmessage = ({ data }) => {
   if (data.program) {
     [program, scenes] = [new WebAssembly.Module(data.program), data.scenes];
+    return;
+  }
+  if (data.name) {
+    scenes[data.name] = data.text;
     return;
   }
   const coder = new TextEncoder(), start = performance.now();
