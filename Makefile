@@ -6,6 +6,7 @@
 # make techniques measures what each technique costs in each scene, five minutes, into references/techniques.json
 # make report     races all techniques and Mitsuba's two variants in every scene for twelve minutes, leaves build/report/index.html
 # make stability  how far both renderers hold in stiff cases, ten minutes, into references/stability.json and precisions.json
+# make lecture    the lecture's techniques as a page that renders while one reads it: build/lecture/index.html, offline
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, twenty minutes, into references/benchmark.json
 # make calibrate  measures raycheck itself, three hours of one core, into references/calibration.json, signatures, parts and harness_mutants.json
 #                 of these only what is stale: python scripts/stale.py --measure
@@ -74,7 +75,7 @@ KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k
 # A line says what is compiled; with V=1 the command does.
 run = $(if $(V),,@printf '  %-4s %s\n' $(1) '$(2)' && )
 
-.PHONY: all kinds install wheel demo test references thorough techniques report stability benchmark calibrate fuzz fuzzers clean FORCE
+.PHONY: all kinds install wheel demo test references thorough techniques report stability lecture benchmark calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -119,6 +120,28 @@ wheel: $(BUILD)/oneray $(PYTHON)
 	$(PYTHON) -m pip wheel --quiet --no-deps -w dist .
 	$(PYTHON) -m pip wheel --quiet --no-deps -w dist -Ccmake.define.ONERAY=$(abspath $<) ./src/oneray
 
+# ---- oneray as WebAssembly, for the lecture's pages: by clang with lld, wasi-libc and compiler-rt of Debian (scripts/setup.sh).
+# Without pictures and packed meshes (src/wasm/left_out.c), with a small XML parser in expat's place.
+WASM_CC ?= clang-19
+WASM_PACKAGES := lld-19 wasi-libc libclang-rt-19-dev-wasm32
+WASM := $(BUILD)/wasm
+WASM_KERNELS := double:2 single:4
+WASM_FLAGS := --target=wasm32-wasi -std=c99 -D_XOPEN_SOURCE=700 -O2 -msimd128 -ffp-contract=off -fno-math-errno \
+    -fno-trapping-math -isystem src/wasm/include -Isrc/oneray -I$(BUILD) $(WARN) -Wno-sign-conversion -Wno-shorten-64-to-32
+WASM_SOURCES := $(wildcard src/wasm/*.c) $(filter-out %/kernel.c %/instances.c %/exr.c %/picture.c %/output.c %/image.c %/openexr.c \
+    %/serialized.c %/stats.c,$(SOURCES))
+WASM_OBJECTS := $(WASM_SOURCES:src/%.c=$(WASM)/%.o) $(foreach k,$(WASM_KERNELS),$(WASM)/kernel_$(call name_of,$(k)).o)
+$(WASM)/%.o: src/%.c $(HEADERS) $(wildcard src/wasm/include/*.h) Makefile
+	@mkdir -p $(@D)
+	$(call run,WASM,$<)$(WASM_CC) $(WASM_FLAGS) -D'KERNELS(X)=$(foreach k,$(WASM_KERNELS),X($(call part,$(k),1),$(call part,$(k),2),0))' \
+	    -c $< -o $@
+$(WASM)/kernel_%.o: src/oneray/kernel/kernel.c $(HEADERS) $(wildcard src/wasm/include/*.h) Makefile
+	@mkdir -p $(@D)
+	$(call run,WASM,$< $*)$(WASM_CC) $(WASM_FLAGS) $(if $(findstring single,$*),-DSINGLE) -DLANES=$(lastword $(subst _, ,$*)) \
+	    -DKERNEL=kernel_$* -c $< -o $@
+$(WASM)/oneray.wasm: $(WASM_OBJECTS)
+	$(call run,LINK,$@)$(WASM_CC) --target=wasm32-wasi -O2 -Wl,--strip-all -Wl,-z,stack-size=1048576 -o $@ $^
+
 # ---- libFuzzer targets of the readers, under AddressSanitizer and UndefinedBehaviorSanitizer.
 FUZZ_SECONDS ?= 3600
 FUZZERS := $(foreach f,scene ply obj serialized,$(BUILD)/fuzz/$(f))
@@ -159,7 +182,10 @@ $(BUILD)/.system: scripts/setup.sh | $(BUILD)
 	scripts/setup.sh
 	touch $@
 $(BUILD)/.system-test: scripts/setup.sh | $(BUILD)
-	scripts/setup.sh clang clang-19 libclang-rt-dev patch libllvm19 valgrind chromium bubblewrap g++
+	scripts/setup.sh clang clang-19 libclang-rt-dev $(WASM_PACKAGES) patch libllvm19 valgrind chromium bubblewrap g++
+	touch $@
+$(BUILD)/.system-wasm: scripts/setup.sh | $(BUILD)
+	scripts/setup.sh clang-19 $(WASM_PACKAGES)
 	touch $@
 $(PYTHON): | $(BUILD)/.system
 	python3 -m venv $(VENV)
@@ -167,8 +193,11 @@ $(PYTHON): | $(BUILD)/.system
 $(VENV)/.demo: pyproject.toml | $(PYTHON)
 	$(PYTHON) -m pip install --quiet -e .
 	touch $@
+$(VENV)/.lecture: pyproject.toml | $(PYTHON)
+	$(PYTHON) -m pip install --quiet -e '.[lecture]'
+	touch $@
 $(VENV)/.test: pyproject.toml | $(PYTHON)
-	$(PYTHON) -m pip install --quiet -e '.[mitsuba,test]'
+	$(PYTHON) -m pip install --quiet -e '.[mitsuba,lecture,test]'
 	command -v chromium >/dev/null || $(PYTHON) -m playwright install --with-deps chromium
 	touch $@
 
@@ -221,6 +250,10 @@ stability: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) stability --json references/stability.json
 	$(PYTHON) scripts/precisions.py --json references/precisions.json
 	$(PYTHON) scripts/readme.py
+
+lecture: $(BUILD)/.system $(BUILD)/.system-wasm $(VENV)/.lecture
+	$(PYTHON) scripts/make_lecture.py -o $(BUILD)/lecture
+	@echo "Open $(BUILD)/lecture/index.html"
 
 benchmark: $(BUILD)/.system-test $(VENV)/.test
 	+$(ALL)

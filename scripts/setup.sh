@@ -24,6 +24,10 @@ for package in "$@"; do
     libllvm*) ls /usr/lib/*/libLLVM*19* >/dev/null 2>&1 || optional="$optional $package" ;;
     # A later clang warns of more; where there is none, tests take what there is.
     clang-*) command -v "$package" >/dev/null 2>&1 || optional="$optional $package" ;;
+    # oneray as WebAssembly, for the lecture's page; where there is none, its tests say so.
+    lld-*) command -v "wasm-$(echo "$package" | sed 's/^l//')" >/dev/null 2>&1 || optional="$optional $package" ;;
+    wasi-libc) test -d /usr/include/wasm32-wasi || optional="$optional $package" ;;
+    libclang-rt-*-wasm32) ls /usr/lib/llvm-*/lib/clang/*/lib/wasi >/dev/null 2>&1 || optional="$optional $package" ;;
     bubblewrap) need "$package" sh -c "command -v bwrap" ;;
     g++) need "$package" sh -c "command -v c++" ;;
     # Ubuntu has Chromium as a snap only; there Playwright installs its own.
@@ -37,7 +41,7 @@ done
 [ -z "$missing$optional" ] && exit 0
 
 install="apt-get install -y --no-install-recommends"
-run="apt-get update -qq${missing:+ && $install$missing}${optional:+ && ($install$optional || true)}"
+run="apt-get update -qq${missing:+ && $install$missing}${optional:+ && for p in$optional; do $install \$p || true; done}"
 if ! command -v apt-get >/dev/null 2>&1; then
     echo "Please install (by their Debian names):$missing" >&2
     exit 1
