@@ -151,7 +151,7 @@ def small(path: Path, to: Path) -> None:
         ):
             spectrum.tag = "rgb"
     for said in root.iter("string"):
-        if said.get("name") == "filter_type" and said.get("value") == "trilinear":
+        if said.get("name") in ("filter_type", "filterType") and said.get("value") == "trilinear":
             said.set("value", "bilinear")  # as oneray reads it
     films = {element.get("id"): element for element in root.iter("film") if "id" in element.attrib}
     samplers = [element.get("id") for element in root.iter("sampler") if "id" in element.attrib]
