@@ -168,10 +168,11 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beams *beams, int lan
 typedef struct {
     const Beams *beams;
     const Vec *d;
-    Index from, target; /* slots, or -1: where the rays start and end */
+    Index from, target; /* slots, or -1: where the rays start and end, as *start and *end; with stacks the places of these */
+    const Index *start, *end;
     const Int *shines; /* by row, what the rays of `hidden` pass by */
     unsigned hidden;
-    const StackTables *stacks; /* HAS_STACKS */
+    const StackTables *stacks; /* HAS_STACKS, else NULL */
     Real t;
     Index slot;
     unsigned blocked; /* a bit a lane */
@@ -181,38 +182,49 @@ INLINE StackedRay stacked_ray(const Wanted *w, int lane)
 {
     (void)lane;
     return (StackedRay){w->stacks, {LANE(w->d->x, lane), LANE(w->d->y, lane), LANE(w->d->z, lane)},
-        LANE(w->from, lane), LANE(w->target, lane)};
+        LANE(*w->start, lane), LANE(*w->end, lane)};
 }
 
-/* Is the triangle `here` met, and before the nearest so far? With stacks *at becomes 0 where the ray starts in its. */
-INLINE int triangle_nearer(const StackedRay *stacked, Int from, Int here, Num *at, Num t, Int slot)
+/* What a triangle is compared with w->from and w->target by. */
+INLINE Int place_of(const Wanted *w, Int slot) { return w->stacks ? w->stacks->of[slot] : slot; }
+
+/* IN_ORDER: is the triangle `here` met, and before the nearest so far? *at becomes 0 where the ray starts in its stack. */
+INLINE int stacked_nearer(const StackedRay *ray, Int here, Num *at, Num t, Int slot)
 {
-    if (stacked && in_one_stack(stacked->stacks, stacked->start, here)) {
+    if (in_one_stack(ray->stacks, ray->start, here)) {
         *at = 0;
-        if (!slot_before(stacked, stacked->start, here))
+        if (!slot_before(ray, ray->start, here))
             return 0;
-    } else if (here == from || !(*at > 0)) {
+    } else if (!(*at > 0)) {
         return 0;
     }
-    if (stacked && in_one_stack(stacked->stacks, here, slot))
-        return slot_before(stacked, here, slot);
+    if (in_one_stack(ray->stacks, here, slot))
+        return slot_before(ray, here, slot);
     return *at < t || (*at == t && here < slot);
 }
 
-/* Is the triangle `here` between the ray's ends? */
-INLINE int triangle_between(const StackedRay *stacked, Int from, Int target, Int here, Num at, Num t)
+/* IN_ORDER: is the triangle `here` between the ray's ends? */
+INLINE int stacked_between(const StackedRay *ray, Int here, Num at, Num t)
 {
-    if (!stacked)
-        return at < t && here != from && here != target;
-    int from_start = in_one_stack(stacked->stacks, stacked->start, here);
-    int to_end = in_one_stack(stacked->stacks, here, stacked->end);
-    return (from_start ? slot_before(stacked, stacked->start, here) : at > 0)
-           && (to_end ? slot_before(stacked, here, stacked->end) : at < t || from_start);
+    int from_start = in_one_stack(ray->stacks, ray->start, here);
+    int to_end = in_one_stack(ray->stacks, here, ray->end);
+    return (from_start ? slot_before(ray, ray->start, here) : at > 0)
+           && (to_end ? slot_before(ray, here, ray->end) : at < t || from_start);
 }
+
+/* How triangles are told from where the ray starts and ends: by their slots, by their places, or by the order of
+   layers. By places is the faster way, and meets the same as the order does
+   - if nothing overlaps the start behind it, nor the end before it, and they are not in one stack: in their stacks the
+     order lets nothing be met but what is so there;
+   - if nothing overlaps what is met before it. In its stack the order lets it be met before all that the ray meets, and
+     before all others it is by its distance, whichever is looked at first.
+   What overlaps is known but for slivers of 1e-6 of a surface's width at its edges (facets.h). There the other way may
+   be taken than elsewhere, but never another from q to p than from p to q. */
+enum { BY_SLOTS, BY_PLACES, IN_ORDER };
 
 /* Below `root`: the nearest of each of these lanes, or L3 is anything in the way. */
 INLINE void triangles_walk(
-    const Triangles *triangles, unsigned lanes, int32_t root, int nearest, int in_stacks, Wanted *w)
+    const Triangles *triangles, unsigned lanes, int32_t root, int nearest, int way, Wanted *w)
 {
     Ways ways;
     start_below(&ways, lanes, root);
@@ -221,15 +233,23 @@ INLINE void triangles_walk(
         for (; leaves; leaves &= leaves - 1) {
             int lane = lowest_lane(leaves);
             const TriangleLeaf *leaf = &triangles->leaves[-2 - ways.at[lane]];
-            StackedRay ray, *stacked = in_stacks ? (ray = stacked_ray(w, lane), &ray) : NULL;
+            StackedRay ray;
+            if (way == IN_ORDER)
+                ray = stacked_ray(w, lane);
             Num at[8], t = LANE(w->t, lane);
             Int slot = LANE(w->slot, lane), from = LANE(w->from, lane);
-            for (unsigned met = leaf_meets(leaf, w->beams, lane, in_stacks ? -NUM_MAX : 0, at); met;
+            for (unsigned met = leaf_meets(leaf, w->beams, lane, way == IN_ORDER ? -NUM_MAX : 0, at); met;
                 met &= met - 1) {
                 int k = lowest_lane(met), here = leaf->slot[k];
-                if (!nearest && triangle_between(stacked, from, LANE(w->target, lane), here, at[k], t))
-                    w->blocked |= 1u << lane;
-                if (!nearest || !triangle_nearer(stacked, from, here, &at[k], t, slot))
+                Int place = way == BY_PLACES ? w->stacks->of[here] : here;
+                if (!nearest) {
+                    if (way == IN_ORDER ? stacked_between(&ray, here, at[k], t)
+                                        : at[k] < t && place != from && place != LANE(w->target, lane))
+                        w->blocked |= 1u << lane;
+                    continue;
+                }
+                if (way == IN_ORDER ? !stacked_nearer(&ray, here, &at[k], t, slot)
+                                    : place == from || !(at[k] < t || (at[k] == t && here < slot)))
                     continue;
                 if (w->hidden >> lane & 1 && w->shines[triangles->row[here - triangles->first_slot]])
                     continue;
@@ -242,17 +262,36 @@ INLINE void triangles_walk(
     }
 }
 
-APART void triangles_nearest(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+APART void triangles_nearest_by_slots(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
 {
-    triangles_walk(triangles, lanes, root, 1, 0, w);
+    triangles_walk(triangles, lanes, root, 1, BY_SLOTS, w);
 }
-APART void triangles_block(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+APART void triangles_block_by_slots(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
 {
-    triangles_walk(triangles, lanes, root, 0, 0, w);
+    triangles_walk(triangles, lanes, root, 0, BY_SLOTS, w);
 }
-APART void triangles_stacked(const Triangles *triangles, unsigned lanes, int nearest, Wanted *w)
+APART void triangles_by_places(const Triangles *triangles, unsigned lanes, int32_t root, int nearest, Wanted *w)
 {
-    triangles_walk(triangles, lanes, 0, nearest, 1, w);
+    triangles_walk(triangles, lanes, root, nearest, BY_PLACES, w);
+}
+APART void triangles_in_order(const Triangles *triangles, unsigned lanes, int nearest, Wanted *w)
+{
+    triangles_walk(triangles, lanes, 0, nearest, IN_ORDER, w);
+}
+
+INLINE void triangles_nearest(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+{
+    if (w->stacks)
+        triangles_by_places(triangles, lanes, root, 1, w);
+    else
+        triangles_nearest_by_slots(triangles, lanes, root, w);
+}
+INLINE void triangles_block(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+{
+    if (w->stacks)
+        triangles_by_places(triangles, lanes, root, 0, w);
+    else
+        triangles_block_by_slots(triangles, lanes, root, w);
 }
 
 /* The least and largest coordinates of each triangle's corners along an axis, less the tree's center. */

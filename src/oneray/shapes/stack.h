@@ -10,6 +10,7 @@ typedef struct {
     Int count; /* of stacks; a slot that shares its place with none is one by itself, numbered beyond */
     Int *of; /* its stack */
     Int *layer; /* the larger, the farther along … */
+    Int (*beside)[2]; /* does something of its stack overlap it, of a smaller layer, and of a larger? */
     const Num (*up)[3]; /* by stack: its normal; 0 of spheres, whose up is outwards */
 } StackTables;
 
@@ -30,6 +31,19 @@ INLINE Seat seat_of(const StackTables *stacks, Index slot)
 INLINE Mask comes_before(Mask up, Seat a, Seat b)
 {
     return (up & (a.layer < b.layer)) | and_not(a.layer > b.layer, up);
+}
+
+/* Does a ray that meets the slot in this direction come through something that overlaps it in its stack, before it, or
+   else behind it? For -d, behind is what before is for d. */
+enum { BEHIND, BEFORE };
+INLINE Mask is_overlapped(const StackTables *stacks, Index slot, Vec d, int before)
+{
+    Mask none = slot < 0;
+    Index at = index_select(none, index_of(0), slot), stack = gather_index(stacks->of, at);
+    Index row = index_select(stack < index_of(stacks->count), stack, index_of(0));
+    Mask up = vec_dot(vec_gather(stacks->up, row), d) > real(0);
+    Index side = index_select(up, index_of(!before), index_of(before));
+    return and_not(gather_index(&stacks->beside[0][0], at * 2 + side) != 0, none);
 }
 
 /* A surface that a ray meets, t = 0 exactly in the stack that it starts in. */
