@@ -415,7 +415,10 @@ STAGE void triangles_hit(
         ordered = lanes & mask_bits(is_overlapped(stacks, ray->from, ray->d, BEHIND));
     }
     unsigned others = lanes & ~ordered;
-    triangles_nearest(triangles, together ? packets(triangles, ray, others, 1, &w) : others, 0, &w);
+    if (few_serve(triangles, others))
+        few_nearest(triangles, others, &w);
+    else
+        triangles_nearest(triangles, together ? packets(triangles, ray, others, 1, &w) : others, 0, &w);
     if (stacks) {
         ordered |= lanes & mask_bits(is_overlapped(stacks, w.slot, ray->d, BEFORE));
         w.t = select(lanes_mask(ordered), hit->t, w.t);
@@ -439,7 +442,11 @@ STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, 
         ordered = lanes & mask_bits(at_end | ((w.from == w.target) & (w.from >= 0)));
         triangles_in_order(triangles, ordered, 0, &w);
     }
-    triangles_block(triangles, packets(triangles, ray, lanes & ~ordered, 0, &w), 0, &w);
+    unsigned others = lanes & ~ordered;
+    if (few_serve(triangles, others))
+        few_block(triangles, others, &w);
+    else
+        triangles_block(triangles, packets(triangles, ray, others, 0, &w), 0, &w);
     return lanes_mask(w.blocked);
 }
 

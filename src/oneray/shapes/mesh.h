@@ -125,6 +125,7 @@ typedef struct {
 typedef struct {
     Tree tree;
     TriangleLeaf *leaves;
+    const struct few_triangles *few; /* that do not need the tree (few.h), or NULL */
     const int32_t (*corner)[3]; /* by triangle: its vertices, counter-clockwise around the normal */
     const int32_t *row;         /* by triangle: its mesh's row in the tables by slot */
     const Num (*vertex)[3], (*normal)[3];

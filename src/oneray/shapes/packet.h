@@ -3,6 +3,7 @@
    few rays are left, each goes on by itself, in turn. What is met is the same, by the same numbers. */
 #pragma once
 
+#include "shapes/few.h"
 #include "shapes/shape.h"
 
 #if BOXES == 8 && LANES >= 8 /* of fewer it takes more instructions than of single rays */
