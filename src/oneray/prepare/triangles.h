@@ -191,6 +191,8 @@ static bool add_to_few(struct few_triangles *few, const Triangles *triangles, in
             return false;
         one->edge[c] = (uint8_t)edge;
         one->turned[c] = from < to ? 0 : (Word)SIGN_BIT;
+        one->left[c] = (uint8_t)(2 * edge + (from > to));
+        one->right[c] = (uint8_t)(2 * edge + (from < to));
     }
     one->slot = triangles->first_slot + i;
     return true;

@@ -11,6 +11,7 @@ enum { FEW_TRIANGLES = 48, FEW_CORNERS = 64, FEW_EDGES = 112 };
 typedef struct {
     uint8_t corner[3], edge[3]; /* edge k is the one across from corner k, … */
     Word turned[3];             /* … with this added to its sign */
+    uint8_t left[3], right[3];  /* of those edges: where in `side` the rays are that pass it so */
     Int slot;
 } FewTriangle;
 
@@ -30,6 +31,7 @@ INLINE int few_serve(const Triangles *triangles, unsigned lanes)
 /* Corners sheared along the rays, and edge functions. */
 typedef struct {
     Real x[FEW_CORNERS], y[FEW_CORNERS], z[FEW_CORNERS], across[FEW_EDGES], stretch;
+    unsigned side[2 * FEW_EDGES]; /* by edge, a bit a lane: >= 0, and <= 0 */
 } FewSeen;
 
 INLINE void see_few(const struct few_triangles *few, const Beams *beams, FewSeen *seen)
@@ -50,68 +52,83 @@ INLINE void see_few(const struct few_triangles *few, const Beams *beams, FewSeen
     for (int i = 0; i < few->edge_count; i++) {
         int from = few->edge[i][0], to = few->edge[i][1];
         seen->across[i] = seen->x[from] * seen->y[to] - seen->y[from] * seen->x[to];
+        seen->side[2 * i] = mask_bits(seen->across[i] >= real(0));
+        seen->side[2 * i + 1] = mask_bits(seen->across[i] <= real(0));
     }
     seen->stretch = shear[2];
 }
+
+/* A triangle that lines of rays meet, at t = way / sum. */
+typedef struct {
+    const FewTriangle *triangle;
+    Mask met;
+    Real way, sum;
+} FewMet;
 
 INLINE Real few_edge(const FewTriangle *triangle, const FewSeen *seen, int k)
 {
     return bits_real(real_bits(seen->across[triangle->edge[k]]) ^ (Bits)EACH(triangle->turned[k]));
 }
 
-/* Which lanes' rays meet the triangle at 0 < *t <= most. */
-INLINE Mask few_meets(const FewTriangle *triangle, const FewSeen *seen, Mask lanes, Real most, Real *t)
+/* All that the lanes' rays may meet at 0 < t <= most. No processor foresees which those are: no step hangs on it. */
+INLINE int find_few(
+    const struct few_triangles *few, const FewSeen *seen, unsigned lanes, Real most, FewMet found[FEW_TRIANGLES])
 {
-    Real u = few_edge(triangle, seen, 0), v = few_edge(triangle, seen, 1), w = few_edge(triangle, seen, 2);
-    Real least = real_min(real_min(u, v), w), greatest = real_max(real_max(u, v), w);
-    Mask inside = lanes & ((least >= real(0)) | (greatest <= real(0)));
-    if (!any(inside))
-        return inside;
-    Real sum = u + v + w, z[3];
-    for (int k = 0; k < 3; k++)
-        z[k] = seen->z[triangle->corner[k]];
-    Real way = (u * z[0] + v * z[1] + w * z[2]) * seen->stretch, ahead = flip_sign(way, sum);
-    inside &= (ahead > real(0)) & (ahead <= most * real_abs(sum) * real(1 + 8 * NUM_ROUNDING)); /* spares divisions */
-    if (!any(inside))
-        return inside;
-    *t = way / sum;
-    return inside & (sum != real(0)) & (*t > real(0)) & (*t <= most);
+    int count = 0, crossed = 0;
+    struct {
+        const FewTriangle *triangle;
+        unsigned in;
+    } inside[FEW_TRIANGLES + 1];
+    for (int i = 0; i < few->count; i++) {
+        const FewTriangle *triangle = &few->triangle[i];
+        const unsigned *side = seen->side;
+        const uint8_t *left = triangle->left, *right = triangle->right;
+        inside[crossed].triangle = triangle;
+        inside[crossed].in = lanes & ((side[left[0]] & side[left[1]] & side[left[2]])
+                                         | (side[right[0]] & side[right[1]] & side[right[2]]));
+        crossed += inside[crossed].in != 0;
+    }
+    for (int i = 0; i < crossed; i++) {
+        const FewTriangle *triangle = inside[i].triangle;
+        Real u = few_edge(triangle, seen, 0), v = few_edge(triangle, seen, 1), w = few_edge(triangle, seen, 2);
+        Real sum = u + v + w, z[3];
+        for (int k = 0; k < 3; k++)
+            z[k] = seen->z[triangle->corner[k]];
+        Real way = (u * z[0] + v * z[1] + w * z[2]) * seen->stretch, ahead = flip_sign(way, sum);
+        Mask met = lanes_mask(inside[i].in) & (ahead > real(0));
+        met &= ahead <= most * real_abs(sum) * real(1 + 8 * NUM_ROUNDING); /* spares divisions */
+        found[count] = (FewMet){triangle, met, way, sum};
+        count += any(met);
+    }
+    return count;
 }
 
 /* What triangles_walk finds from the root, by slots or by places. */
-INLINE void few_walk(const Triangles *triangles, unsigned some, int nearest, Wanted *w)
+INLINE void few_walk(const Triangles *triangles, unsigned lanes, int nearest, Wanted *w)
 {
     const struct few_triangles *few = triangles->few;
     FewSeen seen;
-    Mask lanes = lanes_mask(some), hidden = lanes_mask(w->hidden);
-    unsigned blocked = 0;
-    Real t = w->t, at;
-    Index slot = w->slot;
+    FewMet found[FEW_TRIANGLES + 1];
+    Mask hidden = lanes_mask(w->hidden), blocked = mask_none();
     see_few(few, w->beams, &seen);
-    for (int i = 0; i < few->count; i++) {
-        const FewTriangle *triangle = &few->triangle[i];
-        Mask met = few_meets(triangle, &seen, lanes, t, &at);
-        if (!any(met))
-            continue;
-        const Index here = index_of(triangle->slot), place = index_of(place_of(w, triangle->slot));
+    int count = find_few(few, &seen, lanes, w->t, found);
+    for (int i = 0; i < count; i++) {
+        const Int slot = found[i].triangle->slot;
+        const Index here = index_of(slot), place = index_of(place_of(w, slot));
+        Real t = found[i].way / found[i].sum;
+        Mask met = found[i].met & (found[i].sum != real(0)) & (t > real(0));
         met = and_not(met, w->from == place);
         if (!nearest) {
-            met = and_not(met & (at < t), w->target == place);
-            lanes = and_not(lanes, met);
-            blocked |= mask_bits(met);
-            if (blocked == some)
-                break;
+            blocked |= and_not(met & (t < w->t), w->target == place);
             continue;
         }
-        met &= (at < t) | (here < slot);
-        if (w->hidden && w->shines[triangles->row[triangle->slot - triangles->first_slot]])
+        met &= (t < w->t) | ((t == w->t) & (here < w->slot));
+        if (w->hidden && w->shines[triangles->row[slot - triangles->first_slot]])
             met = and_not(met, hidden);
-        t = select(met, at, t);
-        slot = index_select(met, here, slot);
+        w->t = select(met, t, w->t);
+        w->slot = index_select(met, here, w->slot);
     }
-    w->t = t;
-    w->slot = slot;
-    w->blocked |= blocked;
+    w->blocked |= mask_bits(blocked);
 }
 
 APART void few_nearest(const Triangles *triangles, unsigned lanes, Wanted *w)
