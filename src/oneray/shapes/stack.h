@@ -10,7 +10,8 @@ typedef struct {
     Int count; /* of stacks; a slot that shares its place with none is one by itself, numbered beyond */
     Int *of; /* its stack */
     Int *layer; /* the larger, the farther along … */
-    Int (*beside)[2]; /* does something of its stack overlap it, of a smaller layer, and of a larger? */
+    Num (*facing)[4]; /* its stack's normal; and 1 if something of its stack overlaps it of a smaller layer, 2 of a larger,
+                         3 both */
     const Num (*up)[3]; /* by stack: its normal; 0 of spheres, whose up is outwards */
 } StackTables;
 
@@ -39,11 +40,11 @@ enum { BEHIND, BEFORE };
 INLINE Mask is_overlapped(const StackTables *stacks, Index slot, Vec d, int before)
 {
     Mask none = slot < 0;
-    Index at = index_select(none, index_of(0), slot), stack = gather_index(stacks->of, at);
-    Index row = index_select(stack < index_of(stacks->count), stack, index_of(0));
-    Mask up = vec_dot(vec_gather(stacks->up, row), d) > real(0);
-    Index side = index_select(up, index_of(!before), index_of(before));
-    return and_not(gather_index(&stacks->beside[0][0], at * 2 + side) != 0, none);
+    Real row[4];
+    gather_four(&stacks->facing[0][0], index_select(none, index_of(0), slot) * 4, row);
+    Mask up = vec_dot(vec(row[0], row[1], row[2]), d) > real(0), larger = before ? mask_not(up) : up;
+    Mask overlapped = (larger & (row[3] >= real(2))) | and_not((row[3] == real(1)) | (row[3] == real(3)), larger);
+    return and_not(overlapped, none);
 }
 
 /* A surface that a ray meets, t = 0 exactly in the stack that it starts in. */
