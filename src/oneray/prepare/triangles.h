@@ -156,7 +156,7 @@ static int few_corner(struct few_triangles *few, const Num p[3])
            && !(few->corner[k][0] == p[0] && few->corner[k][1] == p[1] && few->corner[k][2] == p[2]))
         k++;
     if (k == few->corner_count && k < FEW_CORNERS)
-        memcpy(few->corner[few->corner_count++], p, sizeof few->corner[k]);
+        memcpy(few->corner[few->corner_count++], p, 3 * sizeof *p);
     return k;
 }
 
@@ -198,12 +198,39 @@ static bool add_to_few(struct few_triangles *few, const Triangles *triangles, in
     return true;
 }
 
+static void store_lane(Num to[3], Vec from)
+{
+    to[0] = LANE(from.x, 0), to[1] = LANE(from.y, 0), to[2] = LANE(from.z, 0);
+}
+
+static void set_triangle_row(TriangleRow *row, const Triangles *triangles, int i)
+{
+    Vec vertex[3];
+    for (int c = 0; c < 3; c++) {
+        vertex[c] = vec_of(triangles->vertex[triangles->corner[i][c]]);
+        if (triangles->normal)
+            memcpy(row->normal[c], triangles->normal[triangles->corner[i][c]], sizeof row->normal[c]);
+    }
+    TrianglePlane plane = triangle_plane(vertex);
+    TriangleScale edges = triangle_scale(&plane);
+    store_lane(row->corner, plane.corner);
+    store_lane(row->face, plane.face);
+    store_lane(row->a, edges.a);
+    store_lane(row->b, edges.b);
+    row->scale = LANE(edges.scale, 0);
+    row->whole = LANE(edges.whole, 0);
+}
+
 static void prepare_few(Scene *scene, int count)
 {
     Triangles *triangles = &scene->shapes.triangles;
     if (!FEW_WORTHWHILE || count > FEW_TRIANGLES)
         return;
     struct few_triangles *few = keep(scene, 1, sizeof *few);
+    TriangleRow *rows = keep(scene, (size_t)count, sizeof *rows);
+    for (int i = 0; i < count; i++)
+        set_triangle_row(&rows[i], triangles, i);
+    triangles->rows = rows;
     for (int i = 0; i < count; i++)
         if (has_normal(triangles, i) && !add_to_few(few, triangles, i))
             return;

@@ -17,7 +17,7 @@ typedef struct {
 
 struct few_triangles {
     int corner_count, edge_count, count;
-    Num corner[FEW_CORNERS][3];
+    Num corner[FEW_CORNERS][4];
     uint8_t edge[FEW_EDGES][2]; /* from the corner of the lower number */
     FewTriangle triangle[FEW_TRIANGLES];
 };
@@ -34,19 +34,32 @@ typedef struct {
     unsigned side[2 * FEW_EDGES]; /* by edge, a bit a lane: >= 0, and <= 0 */
 } FewSeen;
 
+/* The coordinate along each lane's axis. */
+INLINE Real coordinate(const Num p[4], Index axis)
+{
+#if defined(SINGLE) && LANES == 16 && defined(__AVX512DQ__)
+    return (Real)_mm512_permutevar_ps(_mm512_broadcast_f32x4(_mm_loadu_ps(p)), (__m512i)axis);
+#elif defined(SINGLE) && LANES == 8 && defined(__AVX2__)
+    return (Real)_mm256_permutevar_ps(_mm256_broadcast_ps((const __m128 *)p), (__m256i)axis);
+#elif !defined(SINGLE) && LANES == 8 && defined(__AVX512DQ__)
+    return (Real)_mm512_permutexvar_pd((__m512i)axis, _mm512_broadcast_f64x4(_mm256_loadu_pd(p)));
+#else
+    return along_axis(axis == index_of(0), axis == index_of(1), real(p[0]), real(p[1]), real(p[2]));
+#endif
+}
+
 INLINE void see_few(const struct few_triangles *few, const Beams *beams, FewSeen *seen)
 {
-    Index longest;
+    Index axis[3];
     Real o[3], shear[3];
-    memcpy(&longest, beams->axis[2], sizeof longest);
+    memcpy(axis, beams->axis, sizeof axis);
     memcpy(o, beams->o, sizeof o);
     memcpy(shear, beams->shear, sizeof shear);
-    Mask is_x = longest == index_of(0), is_y = longest == index_of(1);
     for (int i = 0; i < few->corner_count; i++) {
-        Vec at = vec_of(few->corner[i]);
-        Real z = along_axis(is_x, is_y, at.x, at.y, at.z) - o[2];
-        seen->x[i] = (along_axis(is_x, is_y, at.y, at.z, at.x) - o[0]) - shear[0] * z;
-        seen->y[i] = (along_axis(is_x, is_y, at.z, at.x, at.y) - o[1]) - shear[1] * z;
+        const Num *p = few->corner[i];
+        Real z = coordinate(p, axis[2]) - o[2];
+        seen->x[i] = (coordinate(p, axis[0]) - o[0]) - shear[0] * z;
+        seen->y[i] = (coordinate(p, axis[1]) - o[1]) - shear[1] * z;
         seen->z[i] = z;
     }
     for (int i = 0; i < few->edge_count; i++) {

@@ -122,10 +122,16 @@ typedef struct {
     int32_t slot[8];
 } TriangleLeaf;
 
+/* What TrianglePlane and TriangleScale have, and the vertices' normals. */
+typedef struct {
+    Num corner[3], face[3], a[3], b[3], normal[3][3], scale, whole, unused;
+} TriangleRow;
+
 typedef struct {
     Tree tree;
     TriangleLeaf *leaves;
-    const struct few_triangles *few; /* that do not need the tree (few.h), or NULL */
+    const struct few_triangles *few; /* that do not need the tree (few.h), or NULL … */
+    const TriangleRow *rows;         /* … and by triangle what is computed of it once for all */
     const int32_t (*corner)[3]; /* by triangle: its vertices, counter-clockwise around the normal */
     const int32_t *row;         /* by triangle: its mesh's row in the tables by slot */
     const Num (*vertex)[3], (*normal)[3];
@@ -326,14 +332,36 @@ INLINE Index gather_int32(const int32_t *table, Index i)
     return a;
 }
 
-/* Barycentric coordinates of a point of the plane, seen from the corner that the edges a, b leave. */
-INLINE void barycentric(Vec a, Vec b, Vec face, Vec at, Real share[3])
+/* A triangle, from a corner. */
+typedef struct {
+    Vec corner, a, b, face; /* the edges a, b from it; the unit normal */
+} TrianglePlane;
+
+INLINE TrianglePlane triangle_plane(const Vec vertex[3])
 {
-    Real scale = real(1) / real_max(largest(a), largest(b));
-    a = vec_scale(a, scale), b = vec_scale(b, scale), at = vec_scale(at, scale);
-    Real whole = real(1) / vec_dot(face, vec_cross(a, b));
-    share[1] = vec_dot(face, vec_cross(at, b)) * whole;
-    share[2] = vec_dot(face, vec_cross(a, at)) * whole;
+    Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]);
+    return (TrianglePlane){vertex[0], a, b, normal_of_edges(a, b)};
+}
+
+/* Edges by their larger length, and one over the area. */
+typedef struct {
+    Vec a, b;
+    Real scale, whole;
+} TriangleScale;
+
+INLINE TriangleScale triangle_scale(const TrianglePlane *plane)
+{
+    Real scale = real(1) / real_max(largest(plane->a), largest(plane->b));
+    Vec a = vec_scale(plane->a, scale), b = vec_scale(plane->b, scale);
+    return (TriangleScale){a, b, scale, real(1) / vec_dot(plane->face, vec_cross(a, b))};
+}
+
+/* Barycentric coordinates of a point of the plane, seen from the corner. */
+INLINE void barycentric(const TriangleScale *edges, Vec face, Vec at, Real share[3])
+{
+    at = vec_scale(at, edges->scale);
+    share[1] = vec_dot(face, vec_cross(at, edges->b)) * edges->whole;
+    share[2] = vec_dot(face, vec_cross(edges->a, at)) * edges->whole;
     share[0] = real(1) - share[1] - share[2];
 }
 
@@ -345,25 +373,46 @@ INLINE void corners_of(const Triangles *triangles, Index i, Index corner[3], Vec
     }
 }
 
+#define ROW_VEC(row, member)                                                                                 \
+    vec((row)[IN_ROW(TriangleRow, member)], (row)[IN_ROW(TriangleRow, member) + 1], (row)[IN_ROW(TriangleRow, member) + 2])
+
 /* Puts p onto the triangle's plane. Gives the normal of the plane, and the interpolated one that light is
    reflected by: Mitsuba's, the mean of the vertices' by barycentric coordinates. */
 STAGE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec *p, Vec *n, Vec *face)
 {
+    enum { SIZE = sizeof(TriangleRow) / sizeof(Num) };
     Index corner[3];
-    Vec vertex[3];
-    corners_of(triangles, i, corner, vertex);
-    Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]);
-    *n = *face = normal_of_edges(a, b);
-    Vec at = vec_sub(*p, vertex[0]);
+    Vec vertex[3], normal[3];
+    TrianglePlane plane;
+    TriangleScale edges;
+    Real row[SIZE], share[3];
+    if (triangles->rows) {
+        gather_row(triangles->rows, i, SIZE, row);
+        plane.corner = ROW_VEC(row, corner);
+        plane.face = ROW_VEC(row, face);
+    } else {
+        corners_of(triangles, i, corner, vertex);
+        plane = triangle_plane(vertex);
+    }
+    *n = *face = plane.face;
+    Vec at = vec_sub(*p, plane.corner);
     Vec off_plane = vec_scale(*face, vec_dot(*face, at));
     *p = vec_sub(*p, off_plane);
     if (!smooth)
         return;
-    Real share[3];
-    barycentric(a, b, *face, vec_sub(at, off_plane), share);
+    if (triangles->rows) {
+        edges = (TriangleScale){ROW_VEC(row, a), ROW_VEC(row, b), row[IN_ROW(TriangleRow, scale)],
+            row[IN_ROW(TriangleRow, whole)]};
+        normal[0] = ROW_VEC(row, normal[0]), normal[1] = ROW_VEC(row, normal[1]), normal[2] = ROW_VEC(row, normal[2]);
+    } else {
+        edges = triangle_scale(&plane);
+        for (int c = 0; c < 3; c++)
+            normal[c] = vec_gather(triangles->normal, corner[c]);
+    }
+    barycentric(&edges, *face, vec_sub(at, off_plane), share);
     Vec mean = vec_all(real(0));
     for (int c = 0; c < 3; c++)
-        mean = vec_add(mean, vec_scale(vec_gather(triangles->normal, corner[c]), share[c]));
+        mean = vec_add(mean, vec_scale(normal[c], share[c]));
     *n = vec_select(vec_dot(mean, mean) > real(0), vec_normalize(mean), *face);
 }
 
@@ -394,12 +443,14 @@ STAGE SurfaceFrame triangle_uv(const Triangles *triangles, Index i, Vec p)
     Index corner[3];
     Vec vertex[3];
     corners_of(triangles, i, corner, vertex);
-    Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]), face = normal_of_edges(a, b);
+    TrianglePlane plane = triangle_plane(vertex);
+    TriangleScale edges = triangle_scale(&plane);
+    Vec a = plane.a, b = plane.b, face = plane.face;
     Mask turned = triangles->turned ? gather_int32(triangles->turned, i) != 0 : mask_none();
     Real s[3], u[3], v[3];
     Vec any_du, any_dv;
     vec_frame(vec_select(turned, vec_neg(face), face), &any_du, &any_dv);
-    barycentric(a, b, face, vec_sub(p, vertex[0]), s);
+    barycentric(&edges, face, vec_sub(p, vertex[0]), s);
     uv_of_corners(triangles, corner, turned, u, v);
     Real u1 = u[1] - u[0], u2 = u[2] - u[0], v1 = v[1] - v[0], v2 = v[2] - v[0], area = u1 * v2 - u2 * v1;
     Vec dp_du = vec_scale(vec_sub(vec_scale(a, v2), vec_scale(b, v1)), real(1) / area);
