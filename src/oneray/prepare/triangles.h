@@ -224,7 +224,7 @@ static void set_triangle_row(TriangleRow *row, const Triangles *triangles, int i
 static void prepare_few(Scene *scene, int count)
 {
     Triangles *triangles = &scene->shapes.triangles;
-    if (!FEW_WORTHWHILE || count > FEW_TRIANGLES)
+    if (!FEW_WORTHWHILE || count > FEW_MOST)
         return;
     struct few_triangles *few = keep(scene, 1, sizeof *few);
     TriangleRow *rows = keep(scene, (size_t)count, sizeof *rows);

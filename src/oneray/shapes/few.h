@@ -7,6 +7,9 @@
 
 #define FEW_WORTHWHILE (LANES >= 4) /* fewer lanes are faster in the tree */
 enum { FEW_TRIANGLES = 48, FEW_CORNERS = 64, FEW_EDGES = 112 };
+#ifndef FEW_MOST
+#define FEW_MOST FEW_TRIANGLES
+#endif
 
 typedef struct {
     uint8_t corner[3], edge[3]; /* edge k is the one across from corner k, … */
