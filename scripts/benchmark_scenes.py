@@ -234,8 +234,8 @@ def write_obj(path: Path, quads: Quads, normals: bool = False) -> None:
 
 
 def obj_box(folder: Path, size: int = 128) -> Path:
-    """The Cornell box as many scene files have it: each wall, the lamp and each block an OBJ mesh of quads, the blocks with
-    vertex normals, and where the lamp is let in another face on the ceiling that is turned over.
+    """The Cornell box as many scene files have it: each wall, the lamp and each block an OBJ mesh of quads,
+    the blocks with vertex normals, and where the lamp is let in a second face, turned over, on the ceiling.
     """
     folder.mkdir(parents=True, exist_ok=True)
     out, up, right = (0, 0, 1), (0, 1, 0), (1, 0, 0)

@@ -16,7 +16,7 @@ from malformed_meshes import MALFORMED, shape
 
 sys.path.insert(0, str(ROOT / "scripts"))
 
-from benchmark_scenes import obj_box  # noqa: E402
+from benchmark_scenes import obj_box
 
 MESHES = ROOT / "tests/meshes"
 ODD = [ROOT / f"tests/odd/{name}.xml" for name in ("meshes", "few-triangles", "many-shapes", "many-hidden")]
@@ -190,7 +190,8 @@ def test_edges_and_corners_that_are_aimed_at(oneray: Path, tmp_path: Path, preci
 def every_box(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A build that looks into every box, at few triangles too, and at every other shape without a tree."""
     target = tmp_path_factory.mktemp("boxes")
-    return build(target, CFLAGS="-O2 -DEVERY_BOX -DLOOP_MOST=1000000 -DFEW_MOST=0", KERNELS="generic", LANES="native")
+    everything = "-O2 -DEVERY_BOX -DLOOP_MOST=1000000 -DFEW_MOST=0"
+    return build(target, CFLAGS=everything, KERNELS="generic", LANES="native")
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
@@ -211,8 +212,8 @@ def test_trees_leave_nothing_out(
 def test_few_triangles_are_met_as_in_a_tree(
     oneray: Path, every_box: Path, tmp_path: Path, precision: str, estimator: str
 ) -> None:
-    """The same film where all lanes look at all triangles at once, with corners and edges shared, faces in one place and
-    vertex normals.
+    """The same film where all lanes look at all triangles at once, with corners and edges shared, faces in
+    one place and vertex normals.
     """
     films = [tmp_path / "few", tmp_path / "tree"]
     file = obj_box(tmp_path, 48)
