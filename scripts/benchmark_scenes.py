@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -202,11 +202,75 @@ def ball(folder: Path, triangles: int, size: int = 128) -> Path:
     return _saved(folder, f"ball-{triangles}", film(BALL.replace("MESH", mesh), size))
 
 
+Quads = NDArray[np.float64]
+"""Corners (F, 4, 3), counter-clockwise as seen from the front."""
+
+
+def quad(center: Sequence[float], x: Sequence[float], y: Sequence[float]) -> Quads:
+    """A parallelogram about a point with half edges x and y, which faces along x × y."""
+    c, a, b = (np.array(v, dtype=float) for v in (center, x, y))
+    return np.array([[c - a - b, c + a - b, c + a + b, c - a + b]])
+
+
+def block(center: Sequence[float], half: Sequence[float], angle: float) -> Quads:
+    """A cuboid's six faces, turned about y by an angle in degrees."""
+    turn = math.radians(angle)
+    edges = np.array([[math.cos(turn), 0, -math.sin(turn)], [0, 1, 0], [math.sin(turn), 0, math.cos(turn)]])
+    x, y, z = edges * np.array(half)[:, None]
+    c = np.array(center)
+    sides = [(x, y, z), (-x, z, y), (y, z, x), (-y, x, z), (z, x, y), (-z, y, x)]
+    return np.concatenate([quad(c + out, a, b) for out, a, b in sides])
+
+
+def write_obj(path: Path, quads: Quads, normals: bool = False) -> None:
+    """Quads as scenes export them: four corners each, and with `normals` the face's own at each of these."""
+    lines = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in quads.reshape(-1, 3)]
+    across = np.cross(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    if normals:
+        lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in across]
+    for k in range(len(quads)):
+        corners = (f"{4 * k + i}//{k + 1}" if normals else f"{4 * k + i}" for i in range(1, 5))
+        lines.append(f"f {' '.join(corners)}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def obj_box(folder: Path, size: int = 128) -> Path:
+    """The Cornell box as many scene files have it: each wall, the lamp and each block an OBJ mesh of quads,
+    the blocks with vertex normals, and where the lamp is let in a second face, turned over, on the ceiling.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    out, up, right = (0, 0, 1), (0, 1, 0), (1, 0, 0)
+    ceiling = quad((0, 1, 0), right, out)
+    let_in = quad((0, 1, 0), (0, 0, 0.42), (0.42, 0, 0))
+    lamp = '\n        <emitter type="area"><rgb name="radiance" value="6.6, 5.4, 3.7"/></emitter>'
+    meshes = (
+        ("floor", quad((0, -1, 0), out, right), "white", ""),
+        ("ceiling", np.concatenate([ceiling, let_in]), "white", ""),
+        ("back", quad((0, 0, -1), right, up), "white", ""),
+        ("left", quad((-1, 0, 0), up, out), "red", ""),
+        ("right", quad((1, 0, 0), out, up), "green", ""),
+        ("short-block", block((0.335, -0.7, 0.38), (0.3, 0.3, 0.3), -17), "white", ""),
+        ("tall-block", block((-0.33, -0.39, -0.28), (0.3, 0.61, 0.3), 18.25), "white", ""),
+        ("lamp", quad((0, 0.999, 0), (0.42, 0, 0), (0, 0, 0.42)), "lamp", lamp),
+    )
+    shapes = ""
+    for name, quads, material, emitter in meshes:
+        write_obj(folder / f"obj-box-{name}.obj", quads, normals="block" in name)
+        shapes += (
+            f'    <shape type="obj">\n        <string name="filename" value="obj-box-{name}.obj"/>\n'
+            f'        <ref id="{material}"/>{emitter}\n    </shape>\n'
+        )
+    head = deep(film(canonical("cornell-box"), size), 6).split("    <!-- floor -->")[0]
+    return _saved(folder, "obj-box", head + shapes + "</scene>\n")
+
+
 SCENES = (
     BenchScene("cornell-2", "Cornell box, direct light", lambda f: cornell(f, 2), roulette=False),
     BenchScene("cornell-8", "Cornell box, depth 8, roulette", lambda f: cornell(f, 8)),
     BenchScene("cornell-8-no-roulette", "Cornell box, depth 8, no roulette", lambda f: cornell(f, 8, False),
                ("--roulette", "none"), roulette=False),
+    BenchScene("obj-box", "Cornell box of OBJ meshes with a mesh lamp, depth 6, roulette", obj_box),
     BenchScene("sphere-light", "sphere light and a block in the open, direct light", sphere_light,
                roulette=False),
     BenchScene("glass-box", "Cornell box with mirror and glass balls, depth 12, roulette", glass_box),

@@ -23,7 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmark_scenes import as_it_is, ball, cornell, deep, glass_box, sphere_light
+from benchmark_scenes import as_it_is, ball, cornell, deep, glass_box, obj_box, sphere_light
 
 MOST = 1.02
 SIDE = 16
@@ -95,6 +95,7 @@ CASES = (
     Case("cornell-8-no-roulette", lambda f: cornell(f, 8, False), ("--roulette", "none")),
     Case("cornell-8", lambda f: cornell(f, 8)),
     Case("cornell-2", lambda f: cornell(f, 2)),
+    Case("obj-box", obj_box),
     Case("sphere-light", sphere_light),
     Case("glass-box", glass_box),
     Case("ball-100k", lambda f: ball(f, 100_000)),

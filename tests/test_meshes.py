@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,10 @@ import OpenImageIO as oiio
 import pytest
 from building import ROOT, build
 from malformed_meshes import MALFORMED, shape
+
+sys.path.insert(0, str(ROOT / "scripts"))
+
+from benchmark_scenes import obj_box
 
 MESHES = ROOT / "tests/meshes"
 ODD = [ROOT / f"tests/odd/{name}.xml" for name in ("meshes", "few-triangles", "many-shapes", "many-hidden")]
@@ -183,9 +188,10 @@ def test_edges_and_corners_that_are_aimed_at(oneray: Path, tmp_path: Path, preci
 
 @pytest.fixture(scope="module")
 def every_box(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A build that looks into every box, and at every shape without a tree."""
+    """A build that looks into every box, at few triangles too, and at every other shape without a tree."""
     target = tmp_path_factory.mktemp("boxes")
-    return build(target, CFLAGS="-O2 -DEVERY_BOX -DLOOP_MOST=1000000", KERNELS="generic", LANES="native")
+    everything = "-O2 -DEVERY_BOX -DLOOP_MOST=1000000 -DFEW_MOST=0"
+    return build(target, CFLAGS=everything, KERNELS="generic", LANES="native")
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
@@ -198,6 +204,22 @@ def test_trees_leave_nothing_out(
     for program, film in zip((oneray, every_box), films, strict=True):
         command = [program, file, "--samples", "0:40", "--film", film, "--precision", precision]
         subprocess.run(command, check=True, timeout=60)
+    assert films[0].read_bytes() == films[1].read_bytes()
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("estimator", ["mis", "light"])
+def test_few_triangles_are_met_as_in_a_tree(
+    oneray: Path, every_box: Path, tmp_path: Path, precision: str, estimator: str
+) -> None:
+    """The same film where all lanes look at all triangles at once, with corners and edges shared, faces in
+    one place and vertex normals.
+    """
+    films = [tmp_path / "few", tmp_path / "tree"]
+    file = obj_box(tmp_path, 48)
+    for program, film in zip((oneray, every_box), films, strict=True):
+        command = [program, file, "--samples", "0:40", "--film", film, "--precision", precision]
+        subprocess.run([*command, "--estimator", estimator, "--quiet"], check=True, timeout=60)
     assert films[0].read_bytes() == films[1].read_bytes()
 
 

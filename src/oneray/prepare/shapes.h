@@ -198,6 +198,7 @@ static void prepare_stacks(Scene *scene, const Description *d, const int *first_
     to->count = from->count;
     to->of = keep(scene, (size_t)slots, sizeof *to->of);
     to->layer = keep(scene, (size_t)slots, sizeof *to->layer);
+    to->facing = keep(scene, (size_t)slots, sizeof *to->facing);
     for (int i = 0; i < from->count; i++)
         store(up[i], from->up[i]);
     to->up = (const Num(*)[3])up;
@@ -211,6 +212,9 @@ static void prepare_stacks(Scene *scene, const Description *d, const int *first_
             if (from->of[side] >= 0)
                 to->of[first + k] = from->of[side];
             to->layer[first + k] = from->layer[side];
+            if (from->of[side] >= 0)
+                store(to->facing[first + k], from->up[from->of[side]]);
+            to->facing[first + k][3] = (Num)(from->beside[side][0] + 2 * from->beside[side][1]);
         }
     }
 }

@@ -148,6 +148,95 @@ static void prepare_triangle_tree(Scene *scene, const MeshTree *tree)
     free(of_leaf);
 }
 
+/* The number of this corner among the few, FEW_CORNERS where there is no room. */
+static int few_corner(struct few_triangles *few, const Num p[3])
+{
+    int k = 0;
+    while (k < few->corner_count
+           && !(few->corner[k][0] == p[0] && few->corner[k][1] == p[1] && few->corner[k][2] == p[2]))
+        k++;
+    if (k == few->corner_count && k < FEW_CORNERS)
+        memcpy(few->corner[few->corner_count++], p, 3 * sizeof *p);
+    return k;
+}
+
+static int few_edge_between(struct few_triangles *few, int from, int to)
+{
+    int k = 0;
+    while (k < few->edge_count && !(few->edge[k][0] == from && few->edge[k][1] == to))
+        k++;
+    if (k == few->edge_count && k < FEW_EDGES) {
+        few->edge[k][0] = (uint8_t)from;
+        few->edge[k][1] = (uint8_t)to;
+        few->edge_count++;
+    }
+    return k;
+}
+
+/* Puts the triangle among the few; gives whether there was room. The edge functions are those of leaf_meets. */
+static bool add_to_few(struct few_triangles *few, const Triangles *triangles, int i)
+{
+    FewTriangle *one = &few->triangle[few->count++];
+    int corner[3];
+    for (int c = 0; c < 3; c++) {
+        corner[c] = few_corner(few, triangles->vertex[triangles->corner[i][c]]);
+        if (corner[c] == FEW_CORNERS)
+            return false;
+        one->corner[c] = (uint8_t)corner[c];
+    }
+    for (int c = 0; c < 3; c++) {
+        int from = corner[(c + 2) % 3], to = corner[(c + 1) % 3];
+        int edge = few_edge_between(few, from < to ? from : to, from < to ? to : from);
+        if (edge == FEW_EDGES)
+            return false;
+        one->edge[c] = (uint8_t)edge;
+        one->turned[c] = from < to ? 0 : (Word)SIGN_BIT;
+        one->left[c] = (uint8_t)(2 * edge + (from > to));
+        one->right[c] = (uint8_t)(2 * edge + (from < to));
+    }
+    one->slot = triangles->first_slot + i;
+    return true;
+}
+
+static void store_lane(Num to[3], Vec from)
+{
+    to[0] = LANE(from.x, 0), to[1] = LANE(from.y, 0), to[2] = LANE(from.z, 0);
+}
+
+static void set_triangle_row(TriangleRow *row, const Triangles *triangles, int i)
+{
+    Vec vertex[3];
+    for (int c = 0; c < 3; c++) {
+        vertex[c] = vec_of(triangles->vertex[triangles->corner[i][c]]);
+        if (triangles->normal)
+            memcpy(row->normal[c], triangles->normal[triangles->corner[i][c]], sizeof row->normal[c]);
+    }
+    TrianglePlane plane = triangle_plane(vertex);
+    TriangleScale edges = triangle_scale(&plane);
+    store_lane(row->corner, plane.corner);
+    store_lane(row->face, plane.face);
+    store_lane(row->a, edges.a);
+    store_lane(row->b, edges.b);
+    row->scale = LANE(edges.scale, 0);
+    row->whole = LANE(edges.whole, 0);
+}
+
+static void prepare_few(Scene *scene, int count)
+{
+    Triangles *triangles = &scene->shapes.triangles;
+    if (!FEW_WORTHWHILE || count > FEW_MOST)
+        return;
+    struct few_triangles *few = keep(scene, 1, sizeof *few);
+    TriangleRow *rows = keep(scene, (size_t)count, sizeof *rows);
+    for (int i = 0; i < count; i++)
+        set_triangle_row(&rows[i], triangles, i);
+    triangles->rows = rows;
+    for (int i = 0; i < count; i++)
+        if (has_normal(triangles, i) && !add_to_few(few, triangles, i))
+            return;
+    triangles->few = few;
+}
+
 static void prepare_triangles(Scene *scene, const Description *d, const int *first_slot)
 {
     Triangles *triangles = &scene->shapes.triangles;
@@ -167,6 +256,7 @@ static void prepare_triangles(Scene *scene, const Description *d, const int *fir
     triangles->turned = d->mesh.turned;
     triangles->first_slot = scene->shapes.slot_count;
     prepare_triangle_tree(scene, &d->mesh_tree);
+    prepare_few(scene, d->mesh.triangle_count);
 }
 
 /* Beyond this many shapes other than meshes a tree beats the loop over all. */

@@ -126,6 +126,7 @@ void description_free(Description *description)
     free(description->files);
     free(description->stacks.of);
     free(description->stacks.layer);
+    free(description->stacks.beside);
     free(description->stacks.up);
     free(description);
 }

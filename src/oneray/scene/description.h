@@ -83,6 +83,7 @@ typedef struct {
     int count;       /* of stacks; 0: no two surfaces are in one place, and none of what follows is there */
     int32_t *of;     /* by side, shape after shape: its stack, -1 for none */
     int32_t *layer;  /* by side: the larger, the farther along the stack's normal; equal ones never meet a ray twice */
+    int32_t (*beside)[2]; /* by side: does something of its stack overlap it, less far along that normal, and farther? */
     double (*up)[3]; /* by stack: a unit normal of it; of spheres 0, it is outwards */
 } Stacks;
 

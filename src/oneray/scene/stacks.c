@@ -16,7 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_WARNINGS = 8 };
+enum { MOST_WARNINGS = 8, PAIRS_TO_A_SIDE = 8 };
 
 #define COMPARE(a, b) (((a) > (b)) - ((a) < (b)))
 
@@ -50,6 +50,9 @@ typedef struct {
     int32_t *parent; /* by side: another of its stack, or itself */
     int side_count;
     int warned[MOST_WARNINGS][2], warnings; /* lines */
+    int32_t (*pairs)[2]; /* of sides in one place */
+    int pair_count;
+    bool all_pairs; /* are those all? */
 } Finder;
 
 /* Bodies: which shapes have an inside, and whether the camera is in it. */
@@ -273,10 +276,19 @@ static int32_t root_of(int32_t *parent, int32_t i)
 
 static void test_pair(Finder *finder, const Facet *a, const Facet *b)
 {
-    if (!coincide(a, b, finder->eye, finder->rounding) || is_hidden(finder, a, b))
+    if (!coincide(a, b, finder->eye, finder->rounding))
         return;
-    int32_t one = root_of(finder->parent, finder->first[a->shape] + a->side);
-    int32_t other = root_of(finder->parent, finder->first[b->shape] + b->side);
+    int32_t one = finder->first[a->shape] + a->side, other = finder->first[b->shape] + b->side;
+    finder->all_pairs = finder->all_pairs && finder->pair_count < PAIRS_TO_A_SIDE * finder->side_count;
+    if (finder->all_pairs) {
+        finder->pairs = room_for(finder->pairs, finder->pair_count, sizeof *finder->pairs);
+        finder->pairs[finder->pair_count][0] = one;
+        finder->pairs[finder->pair_count++][1] = other;
+    }
+    if (is_hidden(finder, a, b))
+        return;
+    one = root_of(finder->parent, one);
+    other = root_of(finder->parent, other);
     finder->parent[one > other ? one : other] = one > other ? other : one;
     warn_of_order(finder, a, b);
 }
@@ -422,8 +434,10 @@ static void search(Finder *finder)
     test_items(finder, items, count);
     if (d->mesh.triangle_count)
         mesh_tree_pairs(tree, &finder->patience, &d->mesh, finder->slack, finder, test_triangles);
-    if (finder->patience < 0)
+    if (finder->patience < 0) {
+        finder->all_pairs = false;
         test_equal_triangles(finder);
+    }
     free(items);
     free(finder->triangles);
 }
@@ -522,6 +536,24 @@ static void set_layers(Finder *finder, Member *members, int count, int stack)
     memcpy(stacks->up[stack], widest.normal, sizeof widest.normal);
 }
 
+/* On which sides of each are others of its stack. */
+static void see_neighbours(const Finder *finder)
+{
+    const Stacks *stacks = &finder->d->stacks;
+    for (int i = 0; i < finder->side_count && !finder->all_pairs; i++)
+        stacks->beside[i][0] = stacks->beside[i][1] = stacks->of[i] >= 0;
+    for (int i = 0; i < finder->pair_count; i++) {
+        int32_t one = finder->pairs[i][0], other = finder->pairs[i][1];
+        if (stacks->of[one] < 0 || stacks->of[one] != stacks->of[other])
+            continue;
+        bool below = stacks->layer[one] <= stacks->layer[other], above = stacks->layer[one] >= stacks->layer[other];
+        stacks->beside[one][1] |= below;
+        stacks->beside[other][0] |= below;
+        stacks->beside[one][0] |= above;
+        stacks->beside[other][1] |= above;
+    }
+}
+
 static void lay_stacks(Finder *finder)
 {
     Stacks *stacks = &finder->d->stacks;
@@ -534,6 +566,7 @@ static void lay_stacks(Finder *finder)
         Member *members = allocate((size_t)sides, sizeof *members);
         stacks->of = allocate((size_t)sides, sizeof *stacks->of);
         stacks->layer = allocate((size_t)sides, sizeof *stacks->layer);
+        stacks->beside = allocate((size_t)sides, sizeof *stacks->beside);
         stacks->up = allocate((size_t)count, sizeof *stacks->up);
         for (int i = 0, side = 0; i < finder->d->shape_count; i++)
             for (int k = 0; k < shape_sides(&finder->d->shapes[i]); k++, side++) {
@@ -545,6 +578,7 @@ static void lay_stacks(Finder *finder)
         qsort(members, (size_t)member_count, sizeof *members, by_height);
         for (int i = 0; i < member_count; i += size[members[i].stack])
             set_layers(finder, members + i, size[members[i].stack], stacks->count++);
+        see_neighbours(finder);
         free(members);
     }
     free(size);
@@ -552,7 +586,7 @@ static void lay_stacks(Finder *finder)
 
 void find_stacks(Description *d, const char *file, double rounding)
 {
-    Finder finder = {.d = d, .file = file, .rounding = rounding};
+    Finder finder = {.d = d, .file = file, .rounding = rounding, .all_pairs = true};
     int shapes = d->shape_count, side = 0;
     memcpy(finder.eye, sensor_traits(&d->sensor).origin, sizeof finder.eye);
     finder.bodies = allocate((size_t)shapes, sizeof *finder.bodies);
@@ -567,6 +601,7 @@ void find_stacks(Description *d, const char *file, double rounding)
     search(&finder);
     lay_stacks(&finder);
     free(finder.parent);
+    free(finder.pairs);
     free(finder.bodies);
     free(finder.first);
 }

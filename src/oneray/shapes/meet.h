@@ -404,27 +404,49 @@ STAGE void triangles_hit(
     const Shapes *shapes, const Ray *ray, Mask active, Mask hiding, int together, Hit *hit, Features f)
 {
     const Triangles *triangles = &shapes->triangles;
+    const StackTables *stacks = f.has & HAS_STACKS ? &shapes->stacks : NULL;
+    const Index nowhere = index_of(-1);
     Beams beams;
-    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, hit->t);
-    Wanted w = {&beams, &ray->d, ray->from, index_of(-1), shapes->shines,
-        f.has & HAS_HIDDEN ? mask_bits(hiding) : 0, &shapes->stacks, hit->t, hit->slot, 0};
-    if (f.has & HAS_STACKS)
-        triangles_stacked(triangles, lanes, 1, &w);
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, hit->t), ordered = 0;
+    Wanted w = {&beams, &ray->d, ray->from, nowhere, &ray->from, &nowhere, shapes->shines,
+        f.has & HAS_HIDDEN ? mask_bits(hiding) : 0, stacks, hit->t, hit->slot, 0};
+    if (stacks) {
+        w.from = seat_of(stacks, ray->from).stack;
+        ordered = lanes & mask_bits(is_overlapped(stacks, ray->from, ray->d, BEHIND));
+    }
+    unsigned others = lanes & ~ordered;
+    if (few_serve(triangles, others))
+        few_nearest(triangles, others, &w);
     else
-        triangles_nearest(triangles, together ? packets(triangles, ray, lanes, 1, &w) : lanes, 0, &w);
+        triangles_nearest(triangles, together ? packets(triangles, ray, others, 1, &w) : others, 0, &w);
+    if (stacks) {
+        ordered |= lanes & mask_bits(is_overlapped(stacks, w.slot, ray->d, BEFORE));
+        w.t = select(lanes_mask(ordered), hit->t, w.t);
+        w.slot = index_select(lanes_mask(ordered), hit->slot, w.slot);
+        triangles_in_order(triangles, ordered, 1, &w);
+    }
     *hit = (Hit){w.t, w.slot};
 }
 
 STAGE Mask triangles_blocked(const Shapes *shapes, const Ray *ray, Mask active, Index target, Features f)
 {
     const Triangles *triangles = &shapes->triangles;
+    const StackTables *stacks = f.has & HAS_STACKS ? &shapes->stacks : NULL;
     Beams beams;
-    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, ray->tmax);
-    Wanted w = {&beams, &ray->d, ray->from, target, NULL, 0, &shapes->stacks, ray->tmax, index_of(-1), 0};
-    if (f.has & HAS_STACKS)
-        triangles_stacked(triangles, lanes, 0, &w);
+    unsigned lanes = mask_bits(active) & beams_start(&beams, &triangles->tree, &ray->o, &ray->d, ray->tmax), ordered = 0;
+    Wanted w = {&beams, &ray->d, ray->from, target, &ray->from, &target, NULL, 0, stacks, ray->tmax, index_of(-1), 0};
+    if (stacks) {
+        w.from = seat_of(stacks, ray->from).stack;
+        w.target = seat_of(stacks, target).stack;
+        Mask at_end = is_overlapped(stacks, ray->from, ray->d, BEHIND) | is_overlapped(stacks, target, ray->d, BEFORE);
+        ordered = lanes & mask_bits(at_end | ((w.from == w.target) & (w.from >= 0)));
+        triangles_in_order(triangles, ordered, 0, &w);
+    }
+    unsigned others = lanes & ~ordered;
+    if (few_serve(triangles, others))
+        few_block(triangles, others, &w);
     else
-        triangles_block(triangles, packets(triangles, ray, lanes, 0, &w), 0, &w);
+        triangles_block(triangles, packets(triangles, ray, others, 0, &w), 0, &w);
     return lanes_mask(w.blocked);
 }
 

@@ -122,9 +122,16 @@ typedef struct {
     int32_t slot[8];
 } TriangleLeaf;
 
+/* What TrianglePlane and TriangleScale have, and the vertices' normals. */
+typedef struct {
+    Num corner[3], face[3], a[3], b[3], normal[3][3], scale, whole, unused;
+} TriangleRow;
+
 typedef struct {
     Tree tree;
     TriangleLeaf *leaves;
+    const struct few_triangles *few; /* that do not need the tree (few.h), or NULL … */
+    const TriangleRow *rows;         /* … and by triangle what is computed of it once for all */
     const int32_t (*corner)[3]; /* by triangle: its vertices, counter-clockwise around the normal */
     const int32_t *row;         /* by triangle: its mesh's row in the tables by slot */
     const Num (*vertex)[3], (*normal)[3];
@@ -168,10 +175,11 @@ INLINE unsigned leaf_meets(const TriangleLeaf *leaf, const Beams *beams, int lan
 typedef struct {
     const Beams *beams;
     const Vec *d;
-    Index from, target; /* slots, or -1: where the rays start and end */
+    Index from, target; /* slots, or -1: where the rays start and end, as *start and *end; with stacks the places of these */
+    const Index *start, *end;
     const Int *shines; /* by row, what the rays of `hidden` pass by */
     unsigned hidden;
-    const StackTables *stacks; /* HAS_STACKS */
+    const StackTables *stacks; /* HAS_STACKS, else NULL */
     Real t;
     Index slot;
     unsigned blocked; /* a bit a lane */
@@ -181,38 +189,49 @@ INLINE StackedRay stacked_ray(const Wanted *w, int lane)
 {
     (void)lane;
     return (StackedRay){w->stacks, {LANE(w->d->x, lane), LANE(w->d->y, lane), LANE(w->d->z, lane)},
-        LANE(w->from, lane), LANE(w->target, lane)};
+        LANE(*w->start, lane), LANE(*w->end, lane)};
 }
 
-/* Is the triangle `here` met, and before the nearest so far? With stacks *at becomes 0 where the ray starts in its. */
-INLINE int triangle_nearer(const StackedRay *stacked, Int from, Int here, Num *at, Num t, Int slot)
+/* What a triangle is compared with w->from and w->target by. */
+INLINE Int place_of(const Wanted *w, Int slot) { return w->stacks ? w->stacks->of[slot] : slot; }
+
+/* IN_ORDER: is the triangle `here` met, and before the nearest so far? *at becomes 0 where the ray starts in its stack. */
+INLINE int stacked_nearer(const StackedRay *ray, Int here, Num *at, Num t, Int slot)
 {
-    if (stacked && in_one_stack(stacked->stacks, stacked->start, here)) {
+    if (in_one_stack(ray->stacks, ray->start, here)) {
         *at = 0;
-        if (!slot_before(stacked, stacked->start, here))
+        if (!slot_before(ray, ray->start, here))
             return 0;
-    } else if (here == from || !(*at > 0)) {
+    } else if (!(*at > 0)) {
         return 0;
     }
-    if (stacked && in_one_stack(stacked->stacks, here, slot))
-        return slot_before(stacked, here, slot);
+    if (in_one_stack(ray->stacks, here, slot))
+        return slot_before(ray, here, slot);
     return *at < t || (*at == t && here < slot);
 }
 
-/* Is the triangle `here` between the ray's ends? */
-INLINE int triangle_between(const StackedRay *stacked, Int from, Int target, Int here, Num at, Num t)
+/* IN_ORDER: is the triangle `here` between the ray's ends? */
+INLINE int stacked_between(const StackedRay *ray, Int here, Num at, Num t)
 {
-    if (!stacked)
-        return at < t && here != from && here != target;
-    int from_start = in_one_stack(stacked->stacks, stacked->start, here);
-    int to_end = in_one_stack(stacked->stacks, here, stacked->end);
-    return (from_start ? slot_before(stacked, stacked->start, here) : at > 0)
-           && (to_end ? slot_before(stacked, here, stacked->end) : at < t || from_start);
+    int from_start = in_one_stack(ray->stacks, ray->start, here);
+    int to_end = in_one_stack(ray->stacks, here, ray->end);
+    return (from_start ? slot_before(ray, ray->start, here) : at > 0)
+           && (to_end ? slot_before(ray, here, ray->end) : at < t || from_start);
 }
+
+/* How triangles are told from where the ray starts and ends: by their slots, by their places, or by the order of
+   layers. By places is the faster way, and meets the same as the order does
+   - if nothing overlaps the start behind it, nor the end before it, and they are not in one stack: in their stacks the
+     order lets nothing be met but what is so there;
+   - if nothing overlaps what is met before it. In its stack the order lets it be met before all that the ray meets, and
+     before all others it is by its distance, whichever is looked at first.
+   What overlaps is known but for slivers of 1e-6 of a surface's width at its edges (facets.h). There the other way may
+   be taken than elsewhere, but never another from q to p than from p to q. */
+enum { BY_SLOTS, BY_PLACES, IN_ORDER };
 
 /* Below `root`: the nearest of each of these lanes, or L3 is anything in the way. */
 INLINE void triangles_walk(
-    const Triangles *triangles, unsigned lanes, int32_t root, int nearest, int in_stacks, Wanted *w)
+    const Triangles *triangles, unsigned lanes, int32_t root, int nearest, int way, Wanted *w)
 {
     Ways ways;
     start_below(&ways, lanes, root);
@@ -221,15 +240,23 @@ INLINE void triangles_walk(
         for (; leaves; leaves &= leaves - 1) {
             int lane = lowest_lane(leaves);
             const TriangleLeaf *leaf = &triangles->leaves[-2 - ways.at[lane]];
-            StackedRay ray, *stacked = in_stacks ? (ray = stacked_ray(w, lane), &ray) : NULL;
+            StackedRay ray;
+            if (way == IN_ORDER)
+                ray = stacked_ray(w, lane);
             Num at[8], t = LANE(w->t, lane);
             Int slot = LANE(w->slot, lane), from = LANE(w->from, lane);
-            for (unsigned met = leaf_meets(leaf, w->beams, lane, in_stacks ? -NUM_MAX : 0, at); met;
+            for (unsigned met = leaf_meets(leaf, w->beams, lane, way == IN_ORDER ? -NUM_MAX : 0, at); met;
                 met &= met - 1) {
                 int k = lowest_lane(met), here = leaf->slot[k];
-                if (!nearest && triangle_between(stacked, from, LANE(w->target, lane), here, at[k], t))
-                    w->blocked |= 1u << lane;
-                if (!nearest || !triangle_nearer(stacked, from, here, &at[k], t, slot))
+                Int place = way == BY_PLACES ? w->stacks->of[here] : here;
+                if (!nearest) {
+                    if (way == IN_ORDER ? stacked_between(&ray, here, at[k], t)
+                                        : at[k] < t && place != from && place != LANE(w->target, lane))
+                        w->blocked |= 1u << lane;
+                    continue;
+                }
+                if (way == IN_ORDER ? !stacked_nearer(&ray, here, &at[k], t, slot)
+                                    : place == from || !(at[k] < t || (at[k] == t && here < slot)))
                     continue;
                 if (w->hidden >> lane & 1 && w->shines[triangles->row[here - triangles->first_slot]])
                     continue;
@@ -242,17 +269,36 @@ INLINE void triangles_walk(
     }
 }
 
-APART void triangles_nearest(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+APART void triangles_nearest_by_slots(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
 {
-    triangles_walk(triangles, lanes, root, 1, 0, w);
+    triangles_walk(triangles, lanes, root, 1, BY_SLOTS, w);
 }
-APART void triangles_block(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+APART void triangles_block_by_slots(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
 {
-    triangles_walk(triangles, lanes, root, 0, 0, w);
+    triangles_walk(triangles, lanes, root, 0, BY_SLOTS, w);
 }
-APART void triangles_stacked(const Triangles *triangles, unsigned lanes, int nearest, Wanted *w)
+APART void triangles_by_places(const Triangles *triangles, unsigned lanes, int32_t root, int nearest, Wanted *w)
 {
-    triangles_walk(triangles, lanes, 0, nearest, 1, w);
+    triangles_walk(triangles, lanes, root, nearest, BY_PLACES, w);
+}
+APART void triangles_in_order(const Triangles *triangles, unsigned lanes, int nearest, Wanted *w)
+{
+    triangles_walk(triangles, lanes, 0, nearest, IN_ORDER, w);
+}
+
+INLINE void triangles_nearest(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+{
+    if (w->stacks)
+        triangles_by_places(triangles, lanes, root, 1, w);
+    else
+        triangles_nearest_by_slots(triangles, lanes, root, w);
+}
+INLINE void triangles_block(const Triangles *triangles, unsigned lanes, int32_t root, Wanted *w)
+{
+    if (w->stacks)
+        triangles_by_places(triangles, lanes, root, 0, w);
+    else
+        triangles_block_by_slots(triangles, lanes, root, w);
 }
 
 /* The least and largest coordinates of each triangle's corners along an axis, less the tree's center. */
@@ -286,14 +332,36 @@ INLINE Index gather_int32(const int32_t *table, Index i)
     return a;
 }
 
-/* Barycentric coordinates of a point of the plane, seen from the corner that the edges a, b leave. */
-INLINE void barycentric(Vec a, Vec b, Vec face, Vec at, Real share[3])
+/* A triangle, from a corner. */
+typedef struct {
+    Vec corner, a, b, face; /* the edges a, b from it; the unit normal */
+} TrianglePlane;
+
+INLINE TrianglePlane triangle_plane(const Vec vertex[3])
 {
-    Real scale = real(1) / real_max(largest(a), largest(b));
-    a = vec_scale(a, scale), b = vec_scale(b, scale), at = vec_scale(at, scale);
-    Real whole = real(1) / vec_dot(face, vec_cross(a, b));
-    share[1] = vec_dot(face, vec_cross(at, b)) * whole;
-    share[2] = vec_dot(face, vec_cross(a, at)) * whole;
+    Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]);
+    return (TrianglePlane){vertex[0], a, b, normal_of_edges(a, b)};
+}
+
+/* Edges by their larger length, and one over the area. */
+typedef struct {
+    Vec a, b;
+    Real scale, whole;
+} TriangleScale;
+
+INLINE TriangleScale triangle_scale(const TrianglePlane *plane)
+{
+    Real scale = real(1) / real_max(largest(plane->a), largest(plane->b));
+    Vec a = vec_scale(plane->a, scale), b = vec_scale(plane->b, scale);
+    return (TriangleScale){a, b, scale, real(1) / vec_dot(plane->face, vec_cross(a, b))};
+}
+
+/* Barycentric coordinates of a point of the plane, seen from the corner. */
+INLINE void barycentric(const TriangleScale *edges, Vec face, Vec at, Real share[3])
+{
+    at = vec_scale(at, edges->scale);
+    share[1] = vec_dot(face, vec_cross(at, edges->b)) * edges->whole;
+    share[2] = vec_dot(face, vec_cross(edges->a, at)) * edges->whole;
     share[0] = real(1) - share[1] - share[2];
 }
 
@@ -305,25 +373,46 @@ INLINE void corners_of(const Triangles *triangles, Index i, Index corner[3], Vec
     }
 }
 
+#define ROW_VEC(row, member)                                                                                 \
+    vec((row)[IN_ROW(TriangleRow, member)], (row)[IN_ROW(TriangleRow, member) + 1], (row)[IN_ROW(TriangleRow, member) + 2])
+
 /* Puts p onto the triangle's plane. Gives the normal of the plane, and the interpolated one that light is
    reflected by: Mitsuba's, the mean of the vertices' by barycentric coordinates. */
 STAGE void triangle_surface(const Triangles *triangles, Index i, int smooth, Vec *p, Vec *n, Vec *face)
 {
+    enum { SIZE = sizeof(TriangleRow) / sizeof(Num) };
     Index corner[3];
-    Vec vertex[3];
-    corners_of(triangles, i, corner, vertex);
-    Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]);
-    *n = *face = normal_of_edges(a, b);
-    Vec at = vec_sub(*p, vertex[0]);
+    Vec vertex[3], normal[3];
+    TrianglePlane plane;
+    TriangleScale edges;
+    Real row[SIZE], share[3];
+    if (triangles->rows) {
+        gather_row(triangles->rows, i, SIZE, row);
+        plane.corner = ROW_VEC(row, corner);
+        plane.face = ROW_VEC(row, face);
+    } else {
+        corners_of(triangles, i, corner, vertex);
+        plane = triangle_plane(vertex);
+    }
+    *n = *face = plane.face;
+    Vec at = vec_sub(*p, plane.corner);
     Vec off_plane = vec_scale(*face, vec_dot(*face, at));
     *p = vec_sub(*p, off_plane);
     if (!smooth)
         return;
-    Real share[3];
-    barycentric(a, b, *face, vec_sub(at, off_plane), share);
+    if (triangles->rows) {
+        edges = (TriangleScale){ROW_VEC(row, a), ROW_VEC(row, b), row[IN_ROW(TriangleRow, scale)],
+            row[IN_ROW(TriangleRow, whole)]};
+        normal[0] = ROW_VEC(row, normal[0]), normal[1] = ROW_VEC(row, normal[1]), normal[2] = ROW_VEC(row, normal[2]);
+    } else {
+        edges = triangle_scale(&plane);
+        for (int c = 0; c < 3; c++)
+            normal[c] = vec_gather(triangles->normal, corner[c]);
+    }
+    barycentric(&edges, *face, vec_sub(at, off_plane), share);
     Vec mean = vec_all(real(0));
     for (int c = 0; c < 3; c++)
-        mean = vec_add(mean, vec_scale(vec_gather(triangles->normal, corner[c]), share[c]));
+        mean = vec_add(mean, vec_scale(normal[c], share[c]));
     *n = vec_select(vec_dot(mean, mean) > real(0), vec_normalize(mean), *face);
 }
 
@@ -354,12 +443,14 @@ STAGE SurfaceFrame triangle_uv(const Triangles *triangles, Index i, Vec p)
     Index corner[3];
     Vec vertex[3];
     corners_of(triangles, i, corner, vertex);
-    Vec a = vec_sub(vertex[1], vertex[0]), b = vec_sub(vertex[2], vertex[0]), face = normal_of_edges(a, b);
+    TrianglePlane plane = triangle_plane(vertex);
+    TriangleScale edges = triangle_scale(&plane);
+    Vec a = plane.a, b = plane.b, face = plane.face;
     Mask turned = triangles->turned ? gather_int32(triangles->turned, i) != 0 : mask_none();
     Real s[3], u[3], v[3];
     Vec any_du, any_dv;
     vec_frame(vec_select(turned, vec_neg(face), face), &any_du, &any_dv);
-    barycentric(a, b, face, vec_sub(p, vertex[0]), s);
+    barycentric(&edges, face, vec_sub(p, vertex[0]), s);
     uv_of_corners(triangles, corner, turned, u, v);
     Real u1 = u[1] - u[0], u2 = u[2] - u[0], v1 = v[1] - v[0], v2 = v[2] - v[0], area = u1 * v2 - u2 * v1;
     Vec dp_du = vec_scale(vec_sub(vec_scale(a, v2), vec_scale(b, v1)), real(1) / area);

@@ -3,6 +3,7 @@
    few rays are left, each goes on by itself, in turn. What is met is the same, by the same numbers. */
 #pragma once
 
+#include "shapes/few.h"
 #include "shapes/shape.h"
 
 #if BOXES == 8 && LANES >= 8 /* of fewer it takes more instructions than of single rays */
@@ -274,7 +275,8 @@ INLINE void packet_walk(const Triangles *triangles, const Packet *p, unsigned la
             for (unsigned left = packet_leaf(p, leaf, &triangles->tree, most); left; left &= left - 1) {
                 int k = lowest_lane(left), here = leaf->slot[k];
                 Real t;
-                Mask met = and_not(in & triangle_meets(p, leaf, k, &t), w->from == index_of(here));
+                const Int place = place_of(w, here);
+                Mask met = and_not(in & triangle_meets(p, leaf, k, &t), w->from == index_of(place));
                 if (nearest) {
                     met &= (t < w->t) | ((t == w->t) & (index_of(here) < w->slot));
                     if (w->hidden && w->shines[triangles->row[here - triangles->first_slot]])
@@ -283,7 +285,7 @@ INLINE void packet_walk(const Triangles *triangles, const Packet *p, unsigned la
                     w->t = select(met, t, w->t);
                     w->slot = index_select(met, index_of(here), w->slot);
                 } else {
-                    w->blocked |= mask_bits(and_not(met & (t < w->t), w->target == index_of(here)));
+                    w->blocked |= mask_bits(and_not(met & (t < w->t), w->target == index_of(place)));
                 }
             }
             if (nearest && any(taken)) {

@@ -10,6 +10,8 @@ typedef struct {
     Int count; /* of stacks; a slot that shares its place with none is one by itself, numbered beyond */
     Int *of; /* its stack */
     Int *layer; /* the larger, the farther along … */
+    Num (*facing)[4]; /* its stack's normal; and 1 if something of its stack overlaps it of a smaller layer, 2 of a larger,
+                         3 both */
     const Num (*up)[3]; /* by stack: its normal; 0 of spheres, whose up is outwards */
 } StackTables;
 
@@ -30,6 +32,19 @@ INLINE Seat seat_of(const StackTables *stacks, Index slot)
 INLINE Mask comes_before(Mask up, Seat a, Seat b)
 {
     return (up & (a.layer < b.layer)) | and_not(a.layer > b.layer, up);
+}
+
+/* Does a ray that meets the slot in this direction come through something that overlaps it in its stack, before it, or
+   else behind it? For -d, behind is what before is for d. */
+enum { BEHIND, BEFORE };
+INLINE Mask is_overlapped(const StackTables *stacks, Index slot, Vec d, int before)
+{
+    Mask none = slot < 0;
+    Real row[4];
+    gather_four(&stacks->facing[0][0], index_select(none, index_of(0), slot) * 4, row);
+    Mask up = vec_dot(vec(row[0], row[1], row[2]), d) > real(0), larger = before ? mask_not(up) : up;
+    Mask overlapped = (larger & (row[3] >= real(2))) | and_not((row[3] == real(1)) | (row[3] == real(3)), larger);
+    return and_not(overlapped, none);
 }
 
 /* A surface that a ray meets, t = 0 exactly in the stack that it starts in. */

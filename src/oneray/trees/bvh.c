@@ -6,9 +6,12 @@
 #include "message.h"
 
 #include <float.h>
+#include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { BINS = 16, HALVING_LEVEL = 24 }; /* from there on parts are halved: the depth stays in BVH_DEPTH */
+enum { FEW_ITEMS = 48 };
 
 typedef struct {
     float low[4], high[4];
@@ -204,10 +207,71 @@ static int add_node(Build *build, Part whole, int level)
     return node;
 }
 
+/* How much more area one group of items has than two. */
+static float area_more(const Bin *one, const Bin *other)
+{
+    Bin both = *one;
+    join_bin(&both, other);
+    return area(&both.box) - area(&one->box) - area(&other->box);
+}
+
+/* Few items are joined from below, pair by pair where that is the least area more, to the leaves of one node: the walls of a
+   room stay flat. Gives how many those are, more than a node has where they did not fit. */
+static int group_items(const Build *build, int count, int group_of[FEW_ITEMS])
+{
+    Bin groups[FEW_ITEMS];
+    int left = count;
+    for (int i = 0; i < count; i++) {
+        groups[i] = (Bin){part_of(build->items, i, 1).box, 1};
+        group_of[i] = i;
+    }
+    for (;; left--) {
+        int one = -1, other = -1;
+        float least = left > BVH_WIDTH ? FLT_MAX : 0;
+        for (int i = 0; i < left; i++)
+            for (int k = 0; k < i; k++)
+                if (groups[i].count + groups[k].count <= build->leaf_most && area_more(&groups[i], &groups[k]) <= least) {
+                    least = area_more(&groups[i], &groups[k]);
+                    one = k;
+                    other = i;
+                }
+        if (one < 0)
+            return left;
+        join_bin(&groups[one], &groups[other]);
+        groups[other] = groups[left - 1];
+        for (int i = 0; i < count; i++)
+            group_of[i] = group_of[i] == other ? one : group_of[i] == left - 1 ? other : group_of[i];
+    }
+}
+
+static bool build_of_few(Build *build, int count)
+{
+    int group_of[FEW_ITEMS], done = 0, groups = count > FEW_ITEMS ? FEW_ITEMS : group_items(build, count, group_of);
+    Bvh *bvh = &build->bvh;
+    BvhItem sorted[FEW_ITEMS];
+    if (groups > BVH_WIDTH)
+        return false;
+    bvh->nodes = allocate(1, sizeof *bvh->nodes);
+    bvh->leaves = allocate((size_t)groups, sizeof *bvh->leaves);
+    bvh->node_count = 1;
+    bvh->leaf_count = groups;
+    for (int k = 0; k < BVH_WIDTH; k++)
+        bvh->nodes[0].child[k] = k < groups ? -2 - k : -1;
+    for (int k = 0; k < groups; k++) {
+        bvh->leaves[k][0] = done;
+        for (int i = 0; i < count; i++)
+            if (group_of[i] == k)
+                sorted[done++] = build->items[i];
+        bvh->leaves[k][1] = done - bvh->leaves[k][0];
+    }
+    memcpy(build->items, sorted, (size_t)count * sizeof *sorted);
+    return true;
+}
+
 Bvh bvh_build(BvhItem *items, int count, int leaf_most)
 {
     Build build = {items, leaf_most, {NULL, NULL, 0, 0}};
-    if (count)
+    if (count && !build_of_few(&build, count))
         add_node(&build, part_of(items, 0, count), 0);
     return build.bvh;
 }
