@@ -100,6 +100,8 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     (output / "big").unlink()
     swollen = run("tail /dev/zero")
     assert swollen.problem and not swollen.late
+    shared = run(f"/usr/bin/python3 -c '{SHARED_MEMORY}'")
+    assert "more than 200 MB of memory" in shared.problem and not shared.late
     assert "Cannot fork" in problem("for i in $(seq 40); do sleep 2 & done; wait")
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"/dev/tcp/127.0.0.1/{server.getsockname()[1]}"
@@ -107,6 +109,16 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
         assert "not implemented" in problem(f"bash -c 'exec 3<>{address}'")  # by the filter of all jails
     if jail.user is not None:  # not even dead ones that nobody has waited for
         assert jail.user not in owners()
+
+
+SHARED_MEMORY = """\
+import mmap
+kept = []
+for _ in range(999):
+    kept.append(mmap.mmap(-1, 1 << 24))
+    kept[-1].write(bytes(1 << 24))
+"""
+"""A program that takes memory which no limit of a single process counts."""
 
 
 def owners() -> set[int]:

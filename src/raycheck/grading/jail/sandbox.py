@@ -246,9 +246,11 @@ def _filter() -> bytes:
 
 
 def _rlimits(limits: Limits, seconds: float) -> dict[str, int]:
-    """The limits of each process."""
+    """The limits of each process: of memory that it may write to, since Java, Go and JavaScript reserve far
+    more addresses than they ever use.
+    """
     return {
-        "RLIMIT_AS": limits.memory_mb << 20, "RLIMIT_FSIZE": limits.output_mb << 20,
+        "RLIMIT_DATA": limits.memory_mb << 20, "RLIMIT_FSIZE": limits.output_mb << 20,
         "RLIMIT_CPU": int(seconds * max(4, os.cpu_count() or 1)) + 2, "RLIMIT_CORE": 0, "RLIMIT_NOFILE": 256,
     }  # fmt: skip
 
