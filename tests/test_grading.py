@@ -375,6 +375,8 @@ class Noisy(Taken):
     noise: float = 0.8
     bias: Callable[[int], float] = lambda number: 1.0
     """A factor by number of the picture."""
+    exchanged: bool = False
+    """Whether each tile of 8×8 pixels is upside down."""
     seeds: list[int] = field(default_factory=list)
     task_seconds: float = 300.0
     takes_scene: bool = True
@@ -396,6 +398,8 @@ class Noisy(Taken):
         k = spp / self.noise**2
         grains = np.random.default_rng(seed).gamma(k, 1 / k, (*mean.shape[:2], 1))
         pixels = self.bias(number) * mean * grains
+        if self.exchanged:
+            pixels = pixels.reshape(-1, 8, *pixels.shape[1:])[:, ::-1].reshape(pixels.shape)
         self.take(spp, seconds, pixels)
         return Rendering(Image(pixels), seconds)
 
@@ -456,6 +460,13 @@ def test_a_bias_that_one_look_does_not_show_fails_by_many_and_is_confirmed(tmp_p
     found = looked_at(tmp_path, program)
     assert found.verdict is Outcome.FAIL and not found.borderline
     assert found.looks >= 3 and found.bias == pytest.approx(0.016, abs=0.006)
+
+
+@pytest.mark.parametrize("noise", [0.4, 3.0])
+def test_exchanged_pixels_fail_and_are_confirmed_however_many_looks(tmp_path, noise: float) -> None:
+    found = looked_at(tmp_path, Noisy(lambda spp, number: 0.001 * spp, noise, exchanged=True))
+    assert found.verdict is Outcome.FAIL and "does not follow the reference" in found.reason
+    assert found.looks >= 2 and not found.borderline
 
 
 def test_what_fresh_samples_do_not_confirm_is_no_fail(tmp_path) -> None:
