@@ -243,7 +243,7 @@ def test_a_hidden_variant_changes_what_interpolation_cannot_follow(tmp_path, lab
         [[one.get(key) for key in places] for one in (*scene["primitives"], *scene["lights"])]
         for scene in (before, after)
     ]
-    assert shapes[0] != shapes[1] or label == "open-sky"
+    assert shapes[0] != shapes[1]
     depths = [scene["max_depth"] or 0 for scene in (before, after)]
     assert depths[1] < depths[0] if depths[0] >= hidden.LONG else depths[1] == depths[0]
     root, varied = of.document().resolved(), made.document().resolved()
@@ -254,6 +254,42 @@ def test_a_hidden_variant_changes_what_interpolation_cannot_follow(tmp_path, lab
         assert all(one != other for one, other in pairs)
     fovs = [next(e.get("value") for e in r.iter("float") if e.get("name") == "fov") for r in (root, varied)]
     assert fovs[0] != fovs[1]
+
+
+MATERIALS = read_assignment(ROOT / "docs/materials.toml")
+
+
+@pytest.mark.parametrize(
+    "label", sorted({scene for one in (LECTURE, MATERIALS) for task in one.tasks for scene in task.scenes})
+)
+def test_bodies_and_lamps_change_their_shape_within_where_they_were(tmp_path, label: str) -> None:
+    """No stored light map follows that, and no surface comes to lie where another is."""
+    of = variants.variant(label)
+    hidden._copy_meshes(of, tmp_path)
+    made = variants.variant(written(tmp_path / "variant.xml", hidden.vary(of, "x", Keys("a", b"1"))))
+    pairs = zip(*(export.export(one)["primitives"] for one in (of, made)), strict=True)
+    changed = [(old, new) for old, new in pairs if old != new]
+    for old, new in (pair for pair in changed if pair[0]["type"] == "sphere"):
+        apart = np.linalg.norm(np.subtract(old["center"], new["center"]))
+        assert 0 < apart <= old["radius"] - new["radius"] + 1e-5
+    flat = [pair for pair in changed if pair[0]["type"] == "parallelogram"]
+    before, after = (np.array([corners(pair[i]) for pair in flat]).reshape(-1, 4, 3) for i in (0, 1))
+    for number, (old, _) in enumerate(flat):
+        lamp = any(old["radiance"])
+        own = np.s_[number : number + 1] if lamp else np.s_[:]
+        ends = [[f(of[own] @ np.array(old[edge])) for of in (before, after)] for edge in ("edge_u", "edge_v")
+                for f in (np.max, lambda x: -np.min(x))]  # fmt: skip
+        assert all(new <= old + 1e-4 for old, new in ends)
+        assert not lamp or np.allclose((after[number] - before[number]) @ np.array(old["normal"]), 0, atol=1e-5)
+    shapes = [[np.linalg.norm(new[e]) / np.linalg.norm(old[e]) for e in ("edge_u", "edge_v")]
+              for old, new in flat]  # fmt: skip
+    assert all(u != pytest.approx(v, rel=1e-4) for u, v in shapes)
+    assert changed or label == "point-light"
+
+
+def corners(face: dict) -> list[np.ndarray]:
+    at, u, v = (np.array(face[key]) for key in ("corner", "edge_u", "edge_v"))
+    return [at, at + u, at + v, at + u + v]
 
 
 def test_the_secret_is_kept_and_is_the_owner_s_alone(tmp_path) -> None:
@@ -460,6 +496,19 @@ def test_a_bias_that_one_look_does_not_show_fails_by_many_and_is_confirmed(tmp_p
     found = looked_at(tmp_path, program)
     assert found.verdict is Outcome.FAIL and not found.borderline
     assert found.looks >= 3 and found.bias == pytest.approx(0.016, abs=0.006)
+
+
+@pytest.mark.parametrize(("noise", "takes_spp"), [(0.005, True), (0.005, False), (0.4, True), (0.4, False)])
+def test_noise_that_hides_what_a_task_asks_for_waits_for_a_look(tmp_path, noise: float, takes_spp) -> None:
+    """A stored light map passes within delta where noise enough is added, points for noise or not."""
+    text = TASKS.replace("spp = 4", "spp = 16") + 'technique = "nee"\n'
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), Tier.NONE)
+    program = Noisy(lambda spp, number: 0.001 * spp, noise * (1 if takes_spp else 0.25), takes_spp=takes_spp)
+    [task] = grader.assignment.tasks
+    found = grader.judge(task, variants.variant("point-light"), "point-light", False, program, "noisy")
+    assert found.verdict is (Outcome.PASS if noise < 0.1 else Outcome.INCONCLUSIVE), found.reason
+    assert ("times the variance of oneray's nee" in found.reason) == (noise > 0.1)
+    assert found.noise is None
 
 
 @pytest.mark.parametrize("noise", [0.4, 3.0])

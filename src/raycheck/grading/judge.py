@@ -103,7 +103,7 @@ class Grader:
                 scenes[task.id].append((of, of.label, None))
                 hidden = hidden_variants(of, task.hidden, keys, folder, assignment.delta)
                 scenes[task.id] += [(one, of.label, of) for one in hidden]
-            for of, _, _ in scenes[task.id] if task.measures_noise else ():
+            for of, _, _ in scenes[task.id] if task.technique else ():
                 noise.of_oneray(of, task.spp, task.technique, private_folder(assignment.path))
         return cls(assignment, keys, scenes, tier)
 
@@ -189,7 +189,7 @@ class Grader:
     @property
     def compares(self) -> bool:
         """Whether a task compares with oneray, in noise or speed."""
-        return any(task.measures_noise or task.measures_speed for task in self.assignment.tasks)
+        return any(task.technique for task in self.assignment.tasks)
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
         if not attempt.command:
@@ -291,10 +291,13 @@ class Grader:
         found.borderline = last.verdict is not Outcome.FAIL and len(tried) > 1
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
-        if task.measures_noise and last.verdict is not Outcome.FAIL and enough:
+        made = program.pictures.get(task.spp if program.takes_spp else 1, ())
+        if task.technique and found.verdict is not Outcome.FAIL and len(made) >= FEW_IMAGES:
             kept = private_folder(self.assignment.path)
-            compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique, kept)
-            found.noise = asdict(compared) if compared else None
+            compared = noise.compare(made, of, task.spp, task.technique, kept)
+            if compared and compared.doubt and found.verdict is Outcome.PASS:
+                found.verdict, found.reason = Outcome.INCONCLUSIVE, compared.doubt
+            found.noise = asdict(compared) if compared and task.shows_noise and program.takes_spp else None
         return found
 
     def _stored(self, made: Sequence[Array], published: Variant, of: Variant) -> bool:
