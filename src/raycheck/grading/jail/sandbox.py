@@ -10,6 +10,7 @@ groups' (cgroups.py) where these can be made. Nothing is read before every proce
 """
 
 import contextlib
+import errno
 import functools
 import math
 import os
@@ -39,6 +40,8 @@ MOST_OUTPUT_ENTRIES = 1000
 MOST_BUILD_ENTRIES = 20_000
 BUILD_BYTES = 1 << 30
 """What the folder of a submission may hold after its build."""
+LEAST_ROOM = 1 << 20
+"""Bytes that are free on a disk that is not full."""
 ENVIRONMENT = {"PATH": "/usr/local/bin:/usr/bin:/bin", "LANG": "C.UTF-8"}
 ENTER = """\
 echo 1000 >/proc/self/oom_score_adj
@@ -78,8 +81,9 @@ class Jail:
 
     @property
     def user(self) -> int | None:
-        """Another user's id where this one is root."""
-        return FIRST_USER + self.slot % USERS if os.name == "posix" and os.geteuid() == 0 else None
+        """Another user's id where this one is root, and there are others: root of a name space may be alone."""
+        user = FIRST_USER + self.slot % USERS
+        return user if os.name == "posix" and os.geteuid() == 0 and _is_mapped(user) else None
 
     def left(self) -> float:
         """Seconds of the whole grading."""
@@ -111,9 +115,18 @@ class Jail:
     ) -> Finished:  # fmt: skip
         """Run a command in /submission (`folder`), with `readable` seen under other names and /out writable.
 
-        NotFound where the jail itself cannot be made.
+        NotFound where the jail itself cannot be made; OSError where it failed and a disk is full, which may
+        be why.
         """
-        command = Command(words, folder, writable, readable or {}, output)
+        done = self._run(Command(words, folder, writable, readable or {}, output), seconds)
+        if place := output or (folder if writable else None):
+            free = os.statvfs(place)
+            if done.problem and free.f_bavail * free.f_frsize < LEAST_ROOM:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(place))
+        return done
+
+    def _run(self, command: "Command", seconds: float) -> Finished:
+        writable, output, folder = command.writable, command.output, command.folder
         limits, wall = self.limits, max(min(WALL * seconds, self.left()), 0.01)
         bounds = Bounds(seconds, wall, limits.memory_mb, command.sizes(limits))
         if self.tier is Tier.NONE:
@@ -188,6 +201,16 @@ class Command:
         """How large each folder that it may write to may become."""
         sizes = [Size(self.output, limits.output_mb << 20, MOST_OUTPUT_ENTRIES)] if self.output else []
         return [*sizes, Size(self.folder, BUILD_BYTES, MOST_BUILD_ENTRIES)] if self.writable else sizes
+
+
+def _is_mapped(user: int) -> bool:
+    """Whether that user's id exists in this process's name space."""
+    try:
+        lines = Path("/proc/self/uid_map").read_text().splitlines()
+    except OSError:  # a kernel without name spaces
+        return True
+    ranges = [tuple(map(int, line.split())) for line in lines]
+    return any(first <= user < first + count for first, _, count in ranges)
 
 
 def _remove_shared(user: int | None) -> None:
@@ -284,7 +307,7 @@ def why_not(tier: Tier) -> str:
         return "bubblewrap is not installed (Debian's package bubblewrap)"
     if tier is Tier.LANDLOCK and not confine.landlock_abi():
         return "the kernel has no Landlock, or the container forbids it"
-    if tier is Tier.USER and os.geteuid() != 0:
+    if tier is Tier.USER and Jail(tier, Limits()).user is None:
         return "only root may become another user"
     try:
         done = Jail(tier, Limits()).run(["/usr/bin/true"], seconds=10, folder=Path("/usr"), writable=False)
