@@ -242,4 +242,4 @@ def test_builds_and_threaded_programs_of_all_languages_run(place: Path, tier: Ti
     if shutil.which(program, path="/usr/local/bin:/usr/bin:/bin:/usr/local/go/bin") is None:
         pytest.skip(f"{program} is not installed")
     written(place / name, text)
-    assert in_jail(tier, place, ["sh", "-c", command], processes=128, memory_mb=1024) == ""
+    assert in_jail(tier, place, ["sh", "-c", command], processes=128, memory_mb=1024, output_mb=4) == ""

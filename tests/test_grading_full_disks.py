@@ -57,7 +57,8 @@ def test_no_secret_is_kept_that_a_full_disk_cut_short(place: Path) -> None:
     """It would be empty, and every hidden scene to be guessed."""
     (disk := place / "disk").mkdir()
     code = f"from raycheck.grading.keys import *; read_keys(Path({str(disk / 'a.toml')!r}), 'a')"
-    words = f"head -c 100k /dev/zero >{disk}/big; {sys.executable} -c {shlex.quote(code)}; ls {disk}/a.private >&2"
+    fill, make = f"head -c 100k /dev/zero >{disk}/big", f"{sys.executable} -c {shlex.quote(code)}"
+    words = f"{fill}; {make}; ls {disk}/a.private >&2"
     said = on_a_full_disk(disk, ["sh", "-c", words], "8k").stderr
     assert "No space left on device" in said and "secret" not in said.splitlines()
     (place / "b.private").mkdir()

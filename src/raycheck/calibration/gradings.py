@@ -8,7 +8,6 @@ tell PASS from INCONCLUSIVE, and has no part in a FAIL.
 
 import hashlib
 import json
-import math
 import tempfile
 from collections import Counter
 from collections.abc import Iterator

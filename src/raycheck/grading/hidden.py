@@ -2,9 +2,9 @@
 student sees; of a pool each student gets one to hand in pictures of.
 
 The camera is turned about what it looks at, raised and its view widened; colours of lights and reflectances
-are scaled, point lights moved, bodies and lamps made smaller, along each edge by a factor of its own, and moved
-into a corner of where they were, long paths shorter: more than could be interpolated from stored pictures. Where it all goes to is decided by the secret. The reference is oneray's,
-made once and kept with the scene.
+are scaled, point lights moved, long paths made shorter, bodies and lamps smaller, along each edge by a factor
+of its own, and moved within where they were: more than could be interpolated from stored pictures. Where it
+all goes to is decided by the secret. The reference is oneray's, made once and kept with the scene.
 """
 
 import math

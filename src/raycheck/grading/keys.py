@@ -52,8 +52,8 @@ def read_keys(assignment: Path, published: str) -> Keys:
     text = path.read_text(encoding="ascii", errors="replace").strip()
     if not re.fullmatch(f"[0-9a-f]{{{2 * SECRET_BYTES}}}", text):
         raise NotFound(
-            f"{path}: it holds no {2 * SECRET_BYTES} hexadecimal digits: put back the secret, or remove the file "
-            "for a new one and other hidden scenes"
+            f"{path}: it holds no {2 * SECRET_BYTES} hexadecimal digits: put back the secret, or remove the "
+            "file for a new one and other hidden scenes"
         )
     return Keys(published, bytes.fromhex(text))
 

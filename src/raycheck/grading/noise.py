@@ -46,9 +46,9 @@ class Noise:
         if self.low <= HIDES:
             return ""
         return (
-            f"as far as its noise lets it be seen the picture is right, but a sample has {self.ratio:.0f} times "
-            f"the variance of oneray's {self.technique}: whether the program does what the task asks for is not "
-            "decided, and the points wait for a look at it"
+            "as far as its noise lets it be seen the picture is right, but a sample has "
+            f"{self.ratio:.0f} times the variance of oneray's {self.technique}: whether the program does "
+            "what the task asks for is not decided, and the points wait for a look at it"
         )
 
 

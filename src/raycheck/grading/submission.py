@@ -39,7 +39,7 @@ TOO_LARGE = f"it unpacks to more than {MOST_BYTES >> 20} MB"
 MOST_SAID = 1000
 NO = "no"
 FULL_DISK = b"\0"
-"""How the process that unpacks says that the machine is at fault, with the error's number: no sentence begins so."""
+"""How the process that unpacks says that the machine is at fault, before the error's number."""
 UNPACK_SECONDS = 20.0
 """Time of a processor."""
 UNPACK_MEMORY = 1 << 30

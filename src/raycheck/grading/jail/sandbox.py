@@ -40,6 +40,8 @@ MOST_OUTPUT_ENTRIES = 1000
 MOST_BUILD_ENTRIES = 20_000
 BUILD_BYTES = 1 << 30
 """What the folder of a submission may hold after its build."""
+BUILD_ROOM = 256 << 20
+"""What a build may write into temporary files, and into one file: compilers keep more than pictures take."""
 LEAST_ROOM = 1 << 20
 """Bytes that are free on a disk that is not full."""
 ENVIRONMENT = {"PATH": "/usr/local/bin:/usr/bin:/bin", "LANG": "C.UTF-8"}
@@ -81,7 +83,7 @@ class Jail:
 
     @property
     def user(self) -> int | None:
-        """Another user's id where this one is root, and there are others: root of a name space may be alone."""
+        """Another user's id where this one is root and there are others, which a name space may lack."""
         user = FIRST_USER + self.slot % USERS
         return user if os.name == "posix" and os.geteuid() == 0 and _is_mapped(user) else None
 
@@ -148,7 +150,8 @@ class Jail:
         if self.user is not None:  # by a program: Popen's own way would copy this process's page tables
             ids = ("--reuid", str(self.user), "--regid", str(self.user), "--clear-groups")
             words += ["/usr/bin/setpriv", *ids, "--"]
-        words += [*_bubblewrap(self.limits, command), *_prlimit(self.limits, bounds.seconds), *command.words]
+        words += _bubblewrap(self.limits, command) + _prlimit(command, self.limits, bounds.seconds)
+        words += command.words
         with os.fdopen(os.memfd_create("filter"), "r+b") as file:
             file.write(_filter())
             file.seek(0)
@@ -164,10 +167,11 @@ class Jail:
             own = [str(place), *(str(size.folder) for size in bounds.sizes)]
             rules = confine.Rules(
                 self.user, self.tier is Tier.LANDLOCK, seen, own, command.writable,
-                _rlimits(self.limits, bounds.seconds), self.limits.processes,
+                _rlimits(command, self.limits, bounds.seconds), self.limits.processes,
                 {**ENVIRONMENT, "HOME": str(place), "TMPDIR": str(place)}, str(command.folder), bounds.doors,
             )  # fmt: skip
-            temporary = Size(place, self.limits.output_mb << 20, MOST_OUTPUT_ENTRIES)
+            most = MOST_BUILD_ENTRIES if command.writable else MOST_OUTPUT_ENTRIES
+            temporary = Size(place, command.room(self.limits), most)
             bounds = replace(bounds, sizes=[*bounds.sizes, temporary])
             done = watch(lambda info: Confined(rules, command.outside, info), bounds, self.tier)
         if self.tier is Tier.USER:
@@ -196,6 +200,10 @@ class Command:
         places |= {inside: str(outside) for outside, inside in self.readable.items()}
         names = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, places))})(?=/|$)")
         return [names.sub(lambda found: places[found[0]], word) for word in self.words]
+
+    def room(self, limits: Limits) -> int:
+        """Bytes of a file, and of all that is temporary."""
+        return max(limits.output_mb << 20, BUILD_ROOM if self.writable else 0)
 
     def sizes(self, limits: Limits) -> list[Size]:
         """How large each folder that it may write to may become."""
@@ -248,8 +256,9 @@ def _bubblewrap(limits: Limits, command: Command) -> list[str]:
         words += ["--ro-bind-try", name, name]
     for place in limits.readable:
         words += ["--ro-bind", place, place]
-    words += ["--proc", "/proc", "--dev", "/dev", "--size", str(limits.output_mb << 20), "--tmpfs", "/tmp"]
-    words += ["--size", str(limits.output_mb << 20), "--tmpfs", "/dev/shm"]
+    room = str(command.room(limits))
+    words += ["--proc", "/proc", "--dev", "/dev", "--size", room, "--tmpfs", "/tmp"]
+    words += ["--size", room, "--tmpfs", "/dev/shm"]
     words += ["--bind" if command.writable else "--ro-bind", str(command.folder), "/submission"]
     for outside, inside in command.readable.items():
         words += ["--ro-bind", str(outside), inside]
@@ -268,18 +277,18 @@ def _filter() -> bytes:
         raise NotFound(f"no filter of system calls (Debian's package libseccomp2): {error}") from None
 
 
-def _rlimits(limits: Limits, seconds: float) -> dict[str, int]:
+def _rlimits(command: Command, limits: Limits, seconds: float) -> dict[str, int]:
     """The limits of each process: of memory that it may write to, since Java, Go and JavaScript reserve far
     more addresses than they ever use.
     """
     return {
-        "RLIMIT_DATA": limits.memory_mb << 20, "RLIMIT_FSIZE": limits.output_mb << 20,
+        "RLIMIT_DATA": limits.memory_mb << 20, "RLIMIT_FSIZE": command.room(limits),
         "RLIMIT_CPU": int(seconds * max(4, os.cpu_count() or 1)) + 2, "RLIMIT_CORE": 0, "RLIMIT_NOFILE": 256,
     }  # fmt: skip
 
 
-def _prlimit(limits: Limits, seconds: float) -> list[str]:
-    each = {**_rlimits(limits, seconds), "RLIMIT_NPROC": limits.processes}
+def _prlimit(command: Command, limits: Limits, seconds: float) -> list[str]:
+    each = {**_rlimits(command, limits, seconds), "RLIMIT_NPROC": limits.processes}
     options = [f"--{name.removeprefix('RLIMIT_').lower()}={value}" for name, value in each.items()]
     return ["/usr/bin/prlimit", *options, "--"]
 
