@@ -5,6 +5,7 @@ import io
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -824,6 +825,10 @@ def test_each_student_gets_a_page_with_the_reason_and_the_lecture_s_argument(gra
     page = (graded / "students/two-mistakes/index.html").read_text(encoding="utf-8")
     assert "too bright" in page and "The lecture's argument: " in page
     assert "Divide by d²." in page and "data:image/png" in page and "http" not in page
+    for what in ("your mean of", "what it should be", "where: blue"):
+        assert len(re.findall(f'<img [^>]*: {what}[^>]*><i style="top:', page)) == 2
+    assert "Outlined: the tile that is furthest off." in page and "what it should be" in page
+    assert "<code>raycheck grade --assignment small.toml --no-sandbox FOLDER</code>" in page
     whole = (graded / "index.html").read_text(encoding="utf-8")
     assert "students/two-mistakes/teacher.html" in whole and "The build failed" not in whole
 

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from gradings import need, written
 from raycheck.base.errors import RenderError
 from raycheck.base.images import write_exr, write_pfm
 from raycheck.grading import attacks
-from raycheck.grading.jail import cgroups, sandbox
+from raycheck.grading.jail import cgroups, folders, sandbox
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail, Tier
@@ -255,3 +256,42 @@ def test_attacks_get_no_points_and_disturb_nobody(tmp_path, tier) -> None:
     assert len(some) == len(chosen)
     for one in attacks.survive(some, tmp_path, tier, lambda _: None):
         assert not one.problem, f"{one.name}: {one.problem}"
+
+
+BUSY = """\
+import os, time
+ends = time.monotonic() + 4
+for _ in range({others}):
+    if os.fork() == 0:
+        while time.monotonic() < ends: pass
+        os._exit(0)
+while time.monotonic() < ends: pass
+for _ in range({others}): os.wait()
+used = os.times()
+print("used", used.user + used.system + used.children_user + used.children_system)
+"""
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_many_processes_of_a_jail_get_no_more_of_a_processor_than_one_of_another(tier: Tier) -> None:
+    """Where control groups share it; both run on one core, and what others take of that they both lack."""
+    need(tier)
+    if not any("cpu" in place.controllers for place in cgroups.places()):
+        pytest.skip("no control groups that share processors can be made here")
+    used = {}
+
+    def run(others: int) -> None:
+        with folders.temporary("raycheck-test-") as place:
+            (folder := place / "submission").mkdir()
+            jail = Jail(tier, Limits(processes=40), sandbox.GRADING + others)
+            words = ["/usr/bin/taskset", "-c", str(max(os.sched_getaffinity(0))), "/usr/bin/python3", "-S"]
+            words += ["-c", BUSY.format(others=others)]
+            done = jail.run(words, seconds=60, folder=folder, writable=True)
+            used[others] = float(done.said.split("used ")[-1])
+
+    both = [threading.Thread(target=run, args=(others,)) for others in (0, 14)]
+    for one in both:
+        one.start()
+    for one in both:
+        one.join()
+    assert used[14] < 1.3 * used[0], used

@@ -36,6 +36,7 @@ MOST_NAME, MOST_PATH = 200, 1000
 """Bytes of a name, and of all names down to it."""
 MOST_BYTES = 200 << 20
 TOO_LARGE = f"it unpacks to more than {MOST_BYTES >> 20} MB"
+NO_FILE = f"{MANIFEST} is a folder: a text file is wanted"
 MOST_SAID = 1000
 NO = "no"
 FULL_DISK = b"\0"
@@ -319,6 +320,8 @@ def _take(entries: Iterator[_Entry], into: Path) -> None:
     for entry in entries:
         path = seen.add(entry.name)
         if entry.open is None:
+            if path.name == MANIFEST:
+                raise SubmissionError(NO_FILE)
             continue
         if not path.parts:
             raise SubmissionError("a file in it has no name")
@@ -344,7 +347,7 @@ def _copy(source: IO[bytes], executable: bool, target: Path, room: int) -> int:
 
 def _root(folder: Path) -> Path:
     """Archives often hold one folder that holds all the rest."""
-    while not (folder / MANIFEST).is_file():
+    while not (folder / MANIFEST).exists():
         inside = [p for p in folder.iterdir() if p.name not in ("__MACOSX", ".DS_Store")]
         if len(inside) != 1 or not inside[0].is_dir() or inside[0].name == PICTURES:
             return folder
@@ -354,7 +357,9 @@ def _root(folder: Path) -> Path:
 
 def _manifest(folder: Path) -> Submission:
     path = folder / MANIFEST
-    if not path.is_file():
+    if path.is_dir():
+        raise SubmissionError(NO_FILE)
+    if not path.exists():
         return Submission(folder)
     try:
         return Submission(folder, read_manifest(path), has_manifest=True)

@@ -218,7 +218,8 @@ def _within(grey: Array) -> Array:
     rows, columns = (n // SMALLEST for n in grey.shape[-2:])
     whole = grey[..., : rows * SMALLEST, : columns * SMALLEST]
     tiles = whole.reshape(*grey.shape[:-2], rows, SMALLEST, columns, SMALLEST)
-    return (tiles - tiles.mean(axis=(-3, -1), keepdims=True)).reshape(whole.shape)
+    inside: Array = tiles - tiles.mean(axis=(-3, -1), keepdims=True)
+    return inside.reshape(whole.shape)
 
 
 def clamped(images: Array, reference: Array, reference_variance: Array) -> str | None:
