@@ -860,6 +860,7 @@ def test_a_cause_is_one_row_in_all_tasks_and_what_is_not_written_is_folded(tmp_p
     named.tasks.append(replace(named.tasks[0], id="L2"))
     missing = a_result(Outcome.FAIL, "exit status 0, but {output} was not written")
     missing.student = "Bob"
+    missing.tasks[0].scenes[0].looks = 1  # it was run, and made no picture
     for task in named.tasks:
         task.scenes[0].looks = 2
         task.scenes[0].pictures = [{"uri": "data:image/png;base64,bWFw", "caption": "where"}]
@@ -871,7 +872,7 @@ def test_a_cause_is_one_row_in_all_tasks_and_what_is_not_written_is_folded(tmp_p
     places = [
         page.index(words) for words in ("Too noisy", "emission counted", "<details>", "was not written")
     ]
-    assert places == sorted(places)
+    assert places == sorted(places) and "; 1 waits for a manual review" in page
 
 
 def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:
