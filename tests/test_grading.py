@@ -5,6 +5,7 @@ import io
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -243,7 +244,7 @@ def test_a_hidden_variant_changes_what_interpolation_cannot_follow(tmp_path, lab
         [[one.get(key) for key in places] for one in (*scene["primitives"], *scene["lights"])]
         for scene in (before, after)
     ]
-    assert shapes[0] != shapes[1] or label == "open-sky"
+    assert shapes[0] != shapes[1]
     depths = [scene["max_depth"] or 0 for scene in (before, after)]
     assert depths[1] < depths[0] if depths[0] >= hidden.LONG else depths[1] == depths[0]
     root, varied = of.document().resolved(), made.document().resolved()
@@ -254,6 +255,43 @@ def test_a_hidden_variant_changes_what_interpolation_cannot_follow(tmp_path, lab
         assert all(one != other for one, other in pairs)
     fovs = [next(e.get("value") for e in r.iter("float") if e.get("name") == "fov") for r in (root, varied)]
     assert fovs[0] != fovs[1]
+
+
+MATERIALS = read_assignment(ROOT / "docs/materials.toml")
+
+
+@pytest.mark.parametrize(
+    "label", sorted({scene for one in (LECTURE, MATERIALS) for task in one.tasks for scene in task.scenes})
+)
+def test_bodies_and_lamps_change_their_shape_within_where_they_were(tmp_path, label: str) -> None:
+    """No stored light map follows that, and no surface comes to lie where another is."""
+    of = variants.variant(label)
+    hidden._copy_meshes(of, tmp_path)
+    made = variants.variant(written(tmp_path / "variant.xml", hidden.vary(of, "x", Keys("a", b"1"))))
+    pairs = zip(*(export.export(one)["primitives"] for one in (of, made)), strict=True)
+    changed = [(old, new) for old, new in pairs if old != new]
+    for old, new in (pair for pair in changed if pair[0]["type"] == "sphere"):
+        apart = np.linalg.norm(np.subtract(old["center"], new["center"]))
+        assert 0 < apart <= old["radius"] - new["radius"] + 1e-5
+    flat = [pair for pair in changed if pair[0]["type"] == "parallelogram"]
+    before, after = (np.array([corners(pair[i]) for pair in flat]).reshape(-1, 4, 3) for i in (0, 1))
+    for number, (old, _) in enumerate(flat):
+        lamp = any(old["radiance"])
+        own = np.s_[number : number + 1] if lamp else np.s_[:]
+        ends = [[f(of[own] @ np.array(old[edge])) for of in (before, after)] for edge in ("edge_u", "edge_v")
+                for f in (np.max, lambda x: -np.min(x))]  # fmt: skip
+        assert all(new <= old + 1e-4 for old, new in ends)
+        off = (after[number] - before[number]) @ np.array(old["normal"])
+        assert not lamp or np.allclose(off, 0, atol=1e-5)
+    shapes = [[np.linalg.norm(new[e]) / np.linalg.norm(old[e]) for e in ("edge_u", "edge_v")]
+              for old, new in flat]  # fmt: skip
+    assert all(u != pytest.approx(v, rel=1e-4) for u, v in shapes)
+    assert changed or label == "point-light"
+
+
+def corners(face: dict) -> list[np.ndarray]:
+    at, u, v = (np.array(face[key]) for key in ("corner", "edge_u", "edge_v"))
+    return [at, at + u, at + v, at + u + v]
 
 
 def test_the_secret_is_kept_and_is_the_owner_s_alone(tmp_path) -> None:
@@ -375,6 +413,8 @@ class Noisy(Taken):
     noise: float = 0.8
     bias: Callable[[int], float] = lambda number: 1.0
     """A factor by number of the picture."""
+    exchanged: bool = False
+    """Whether each tile of 8×8 pixels is upside down."""
     seeds: list[int] = field(default_factory=list)
     task_seconds: float = 300.0
     takes_scene: bool = True
@@ -396,6 +436,8 @@ class Noisy(Taken):
         k = spp / self.noise**2
         grains = np.random.default_rng(seed).gamma(k, 1 / k, (*mean.shape[:2], 1))
         pixels = self.bias(number) * mean * grains
+        if self.exchanged:
+            pixels = pixels.reshape(-1, 8, *pixels.shape[1:])[:, ::-1].reshape(pixels.shape)
         self.take(spp, seconds, pixels)
         return Rendering(Image(pixels), seconds)
 
@@ -456,6 +498,26 @@ def test_a_bias_that_one_look_does_not_show_fails_by_many_and_is_confirmed(tmp_p
     found = looked_at(tmp_path, program)
     assert found.verdict is Outcome.FAIL and not found.borderline
     assert found.looks >= 3 and found.bias == pytest.approx(0.016, abs=0.006)
+
+
+@pytest.mark.parametrize(("noise", "takes_spp"), [(0.005, True), (0.005, False), (0.4, True), (0.4, False)])
+def test_noise_that_hides_what_a_task_asks_for_waits_for_a_look(tmp_path, noise: float, takes_spp) -> None:
+    """A stored light map passes within delta where noise enough is added, points for noise or not."""
+    text = TASKS.replace("spp = 4", "spp = 16") + 'technique = "nee"\n'
+    grader = Grader.prepare(read_assignment(written(tmp_path / "a.toml", text)), Tier.NONE)
+    program = Noisy(lambda spp, number: 0.001 * spp, noise * (1 if takes_spp else 0.25), takes_spp=takes_spp)
+    [task] = grader.assignment.tasks
+    found = grader.judge(task, variants.variant("point-light"), "point-light", False, program, "noisy")
+    assert found.verdict is (Outcome.PASS if noise < 0.1 else Outcome.INCONCLUSIVE), found.reason
+    assert ("times the variance of oneray's nee" in found.reason) == (noise > 0.1)
+    assert found.noise is None
+
+
+@pytest.mark.parametrize("noise", [0.4, 3.0])
+def test_exchanged_pixels_fail_and_are_confirmed_however_many_looks(tmp_path, noise: float) -> None:
+    found = looked_at(tmp_path, Noisy(lambda spp, number: 0.001 * spp, noise, exchanged=True))
+    assert found.verdict is Outcome.FAIL and "does not follow the reference" in found.reason
+    assert found.looks >= 2 and not found.borderline
 
 
 def test_what_fresh_samples_do_not_confirm_is_no_fail(tmp_path) -> None:
@@ -763,6 +825,10 @@ def test_each_student_gets_a_page_with_the_reason_and_the_lecture_s_argument(gra
     page = (graded / "students/two-mistakes/index.html").read_text(encoding="utf-8")
     assert "too bright" in page and "The lecture's argument: " in page
     assert "Divide by d²." in page and "data:image/png" in page and "http" not in page
+    for what in ("your mean of", "what it should be", "where: blue"):
+        assert len(re.findall(f'<img [^>]*: {what}[^>]*><i style="top:', page)) == 2
+    assert "Outlined: the tile that is furthest off." in page and "what it should be" in page
+    assert "<code>raycheck grade --assignment small.toml --no-sandbox FOLDER</code>" in page
     whole = (graded / "index.html").read_text(encoding="utf-8")
     assert "students/two-mistakes/teacher.html" in whole and "The build failed" not in whole
 
@@ -794,6 +860,7 @@ def test_a_cause_is_one_row_in_all_tasks_and_what_is_not_written_is_folded(tmp_p
     named.tasks.append(replace(named.tasks[0], id="L2"))
     missing = a_result(Outcome.FAIL, "exit status 0, but {output} was not written")
     missing.student = "Bob"
+    missing.tasks[0].scenes[0].looks = 1  # it was run, and made no picture
     for task in named.tasks:
         task.scenes[0].looks = 2
         task.scenes[0].pictures = [{"uri": "data:image/png;base64,bWFw", "caption": "where"}]
@@ -805,7 +872,7 @@ def test_a_cause_is_one_row_in_all_tasks_and_what_is_not_written_is_folded(tmp_p
     places = [
         page.index(words) for words in ("Too noisy", "emission counted", "<details>", "was not written")
     ]
-    assert places == sorted(places)
+    assert places == sorted(places) and "; 1 waits for a manual review" in page
 
 
 def test_failures_that_differ_in_figures_alone_are_one_kind() -> None:

@@ -25,7 +25,7 @@ from typer.testing import CliRunner
 from raycheck.base.errors import NotFound, RenderError
 from raycheck.base.images import write_exr, write_image, write_png
 from raycheck.base.statuses import Status
-from raycheck.base.text import quoted
+from raycheck.base.text import last_words, quoted
 from raycheck.commands.app import app
 from raycheck.grading import course, handed_in, submission
 from raycheck.grading.assignment import read_assignment
@@ -404,6 +404,20 @@ def handed_in_as(folder: Path, name: str) -> str:
     with Decoder() as decoder, pytest.raises(RenderError) as caught:
         handed_in._read(folder / f"{name}.pfm", 1 << 20, (4, 4), decoder)
     return str(caught.value)
+
+
+def test_bytes_that_are_no_text_are_one_sign() -> None:
+    said = (b"\xff" * 2000 + b"\n" + b"\0" * 50 + b"end\n" + "é ü    ok".encode()).decode(errors="replace")
+    assert last_words(said) == "; it said: “… | …end | é ü    ok”"
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_manifest_that_is_a_folder_is_said(tmp_path, beside: bool) -> None:
+    (tmp_path / "in/raycheck.toml").mkdir(parents=True)
+    written(tmp_path / f"in/{'' if beside else 'raycheck.toml/'}render.c", "")
+    (tmp_path / "out").mkdir()
+    with pytest.raises(SubmissionError, match=r"^raycheck\.toml is a folder: a text file is wanted$"):
+        open_submission(tmp_path / "in", tmp_path / "out")
 
 
 def test_names_say_nothing_to_a_terminal(tmp_path) -> None:

@@ -10,11 +10,12 @@ from test_verify import judged, noisy
 import raycheck
 from raycheck.base.images import Image
 from raycheck.judging import checks
+from raycheck.judging.judge_images import judge_pictures
 from raycheck.renderers.commands import Command
 from raycheck.renderers.renderer import Rendering
 from raycheck.scene.content import read_content
-from raycheck.scene.variants import scene_path
-from raycheck.stats.verdict import Outcome
+from raycheck.scene.variants import scene_names, scene_path, variant
+from raycheck.stats.verdict import Limits, Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
 
@@ -100,6 +101,41 @@ def test_a_filter_of_the_scene_makes_neighbours_alike(truth):
     assert checks.shared_noise(wide, filtered=True) is None
     assert "share noise" in checks.shared_noise(wide[[0, 0, *range(1, 12)]], filtered=True)
     assert not read_content(scene_path("point-light")).filtered
+
+
+def turned(image):
+    """Each tile of 8×8 pixels upside down and mirrored: its mean stays."""
+    rows, columns = (n // 8 for n in image.shape[:2])
+    return image.reshape(rows, 8, columns, 8, 3)[:, ::-1, :, ::-1].reshape(image.shape)
+
+
+def smeared(image):
+    """The pixels of a tile drawn from all of it, as by rays anywhere in the tile."""
+    rows, columns = (n // 8 for n in image.shape[:2])
+    order = np.random.default_rng(0).permutation(64)
+    tiles = image.reshape(rows, 8, columns, 8, 3).swapaxes(1, 2).reshape(rows, columns, 64, 3)[:, :, order]
+    return tiles.reshape(rows, columns, 8, 8, 3).swapaxes(1, 2).reshape(image.shape)
+
+
+@pytest.mark.parametrize("wrong", [turned, smeared])
+def test_pixels_exchanged_within_tiles(truth, wrong):
+    """No mean of a tile shows it, in a smooth scene, and neither does any noise."""
+    render = noisy(truth)
+    case = judged(lambda scene, spp, seed: wrong(render(scene, spp, seed)))
+    assert case.verdict is Outcome.FAIL and "does not follow the reference" in case.reason, case.reason
+    pictures = [Image(wrong(render(None, 64, seed))) for seed in range(64)]
+    told = judge_pictures(variant("point-light"), pictures, list(map(str, range(64))), Limits())
+    assert told.verdict is Outcome.FAIL and "does not follow the reference" in told.reason, told.reason
+
+
+@pytest.mark.parametrize("tails", [0.05, 1.0])
+def test_right_pictures_follow_the_reference_within_tiles(tails):
+    """Whatever the scene and its noise: of gamma's kind, heavy-tailed where `tails` is small."""
+    for name in scene_names():
+        truth = truth_of(references.load_reference(name))
+        rng = np.random.default_rng(0)
+        images = truth.mean * rng.gamma(tails, 1 / tails, (16, *truth.shape, 1))
+        assert checks.exchanged_pixels(checks.slopes_within(images, truth)) is None, name
 
 
 def test_mitsuba_s_default_filter_is_wide(tmp_path):

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from gradings import need, written
 from raycheck.base.errors import RenderError
 from raycheck.base.images import write_exr, write_pfm
 from raycheck.grading import attacks
-from raycheck.grading.jail import cgroups, sandbox
+from raycheck.grading.jail import cgroups, folders, sandbox
 from raycheck.grading.jail.limits import Limits
 from raycheck.grading.jail.pixels import Decoder, take_picture
 from raycheck.grading.jail.sandbox import Jail, Tier
@@ -100,6 +101,8 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
     (output / "big").unlink()
     swollen = run("tail /dev/zero")
     assert swollen.problem and not swollen.late
+    shared = run(f"/usr/bin/python3 -c '{SHARED_MEMORY}'")
+    assert "more than 200 MB of memory" in shared.problem and not shared.late
     assert "Cannot fork" in problem("for i in $(seq 40); do sleep 2 & done; wait")
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"/dev/tcp/127.0.0.1/{server.getsockname()[1]}"
@@ -107,6 +110,16 @@ def test_a_jail_has_neither_network_nor_files_nor_time_nor_memory_beyond_its_lim
         assert "not implemented" in problem(f"bash -c 'exec 3<>{address}'")  # by the filter of all jails
     if jail.user is not None:  # not even dead ones that nobody has waited for
         assert jail.user not in owners()
+
+
+SHARED_MEMORY = """\
+import mmap
+kept = []
+for _ in range(999):
+    kept.append(mmap.mmap(-1, 1 << 24))
+    kept[-1].write(bytes(1 << 24))
+"""
+"""A program that takes memory which no limit of a single process counts."""
 
 
 def owners() -> set[int]:
@@ -243,3 +256,42 @@ def test_attacks_get_no_points_and_disturb_nobody(tmp_path, tier) -> None:
     assert len(some) == len(chosen)
     for one in attacks.survive(some, tmp_path, tier, lambda _: None):
         assert not one.problem, f"{one.name}: {one.problem}"
+
+
+BUSY = """\
+import os, time
+ends = time.monotonic() + 4
+for _ in range({others}):
+    if os.fork() == 0:
+        while time.monotonic() < ends: pass
+        os._exit(0)
+while time.monotonic() < ends: pass
+for _ in range({others}): os.wait()
+used = os.times()
+print("used", used.user + used.system + used.children_user + used.children_system)
+"""
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_many_processes_of_a_jail_get_no_more_of_a_processor_than_one_of_another(tier: Tier) -> None:
+    """Where control groups share it; both run on one core, and what others take of that they both lack."""
+    need(tier)
+    if not any("cpu" in place.controllers for place in cgroups.places()):
+        pytest.skip("no control groups that share processors can be made here")
+    used = {}
+
+    def run(others: int) -> None:
+        with folders.temporary("raycheck-test-") as place:
+            (folder := place / "submission").mkdir()
+            jail = Jail(tier, Limits(processes=40), sandbox.GRADING + others)
+            words = ["/usr/bin/taskset", "-c", str(max(os.sched_getaffinity(0))), "/usr/bin/python3", "-S"]
+            words += ["-c", BUSY.format(others=others)]
+            done = jail.run(words, seconds=60, folder=folder, writable=True)
+            used[others] = float(done.said.split("used ")[-1])
+
+    both = [threading.Thread(target=run, args=(others,)) for others in (0, 14)]
+    for one in both:
+        one.start()
+    for one in both:
+        one.join()
+    assert used[14] < 1.3 * used[0], used

@@ -8,7 +8,6 @@ tell PASS from INCONCLUSIVE, and has no part in a FAIL.
 
 import hashlib
 import json
-import math
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
@@ -71,7 +70,7 @@ def grade_honest(grader: Grader, index: int, digest: str) -> Grading:
         for number, (of, name, varies) in enumerate(grader.scenes[task.id]):
             program, limits = mutants.program(None), grader.assignment.limits
             with Simulated(program, task.technique, of, limits, 1e9) as honest:
-                judged = replace(task, noise_points=math.nan)  # the noise is not compared
+                judged = replace(task, technique="")  # the noise is not compared
                 found = fresh.judge(judged, of, name, bool(varies), honest, f"{task.id}/{of.label}/{index}")
             verdicts[f"{task.id}/{number}"] = found.verdict.value
             reasons += [f"{task.id}: {found.reason}"] if found.verdict is Outcome.FAIL else []

@@ -9,7 +9,7 @@ keys, hidden    the secret, and the variants of scenes that no student has seen
 submission      what is handed in, unpacked without trust
 jail            runs it, and takes its pictures over the border
 program         a submission's program as a renderer
-judge           verdicts and points; points, noise, speed, handed_in are its parts
+judge           verdicts and points; points, noise, speed, handed_in, shown are its parts
 one_submission  grades one in a process of its own; course grades a class
 results         what came out; written has it as pages, tables and files
 handout         the students' starting point, c_functions the bodies that it leaves out

@@ -38,7 +38,7 @@ class Task:
     technique: str = ""
     """oneray's technique that is asked for: the noise is compared with it, and the handout renders by it."""
     noise_points: float = math.nan
-    """Points for noise that is no worse than that technique's; 0 only shows it, NaN compares none."""
+    """Points for noise that is no worse than that technique's; 0 only shows it, NaN does not even that."""
     noise_limit: float = 2.0
     """Variance of a sample, over oneray's, up to which the noise points are earned."""
     speed_points: float = math.nan
@@ -61,7 +61,7 @@ class Task:
         return self.points + sum(x for x in (self.noise_points, self.speed_points) if not math.isnan(x))
 
     @property
-    def measures_noise(self) -> bool:
+    def shows_noise(self) -> bool:
         return not math.isnan(self.noise_points)
 
     @property

@@ -63,6 +63,8 @@ class Attack:
     files: Sequence[str] = ()
     build: str = ""
     run: str = ""
+    open_reason: str = ""
+    """The same in the jail that leaves files open which every user may read; empty if it is no other."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,8 @@ def survive(
     grader = Grader.prepare(read_assignment(assignment), tier)
     found = course.entries(work / "class", [])
     results = {r.student: r for r in course.grade_class(grader, found, work / "out", Here(1), on_result)}
-    expected = {one.name: one.reason for one in attacks} | archives
+    files_open = grader.tier is Tier.USER
+    expected = {one.name: one.open_reason * files_open or one.reason for one in attacks} | archives
     answers = [_judge(name, reason, results[name]) for name, reason in expected.items()]
     answers += [_honest(results[name]) for name in ("0-before", "~after")]
     return [*answers, _unchanged(before, _outside(work)), _nothing_left(len(found))]

@@ -2,9 +2,9 @@
 student sees; of a pool each student gets one to hand in pictures of.
 
 The camera is turned about what it looks at, raised and its view widened; colours of lights and reflectances
-are scaled, point lights moved, bodies and lamps made smaller, long paths shorter: more than could be
-interpolated from stored pictures. Where it all goes to is decided by the secret. The reference is oneray's,
-made once and kept with the scene.
+are scaled, point lights moved, long paths made shorter, bodies and lamps smaller, along each edge by a factor
+of its own, and moved within where they were: more than could be interpolated from stored pictures. Where it
+all goes to is decided by the secret. The reference is oneray's, made once and kept with the scene.
 """
 
 import math
@@ -34,7 +34,7 @@ DIMMEST, BRIGHTEST = 0.7, 1.4
 """Factors of each channel of a light, …"""
 DARKEST, LIGHTEST, WHITEST = 0.7, 1.15, 0.95
 """… and of a reflectance, which stays below the last or where it was."""
-SMALLEST = 0.8
+SMALLEST = 0.7
 """Factor of the size of bodies and lamps."""
 MOST_SHIFT = 0.12
 """Of a point light along each axis, over its distance from the origin."""
@@ -137,7 +137,7 @@ def vary(of: Variant, purpose: str, keys: Keys) -> str:
             shift = [chosen.between(-MOST_SHIFT, MOST_SHIFT, f"place {number}/{axis}") for axis in "xyz"]
             element.set("value", _written(place + np.linalg.norm(place) * np.array(shift)))
         elif element.tag == "shape" and _may_shrink(values):
-            _shrink(element, values, chosen.between(SMALLEST, 1.0, f"size {number}"))
+            _shrink_and_move(element, values, chosen, str(number))
     return document.text(root)
 
 
@@ -194,16 +194,43 @@ def _may_shrink(shape: Element) -> bool:
     return not inward and (kind in ("cube", "sphere") or (lamp and kind in ("rectangle", "disk")))
 
 
-def _shrink(element: Element, values: Element, scale: float) -> None:
-    """In its own space, so that its centre and its plane stay."""
-    if element.get("type") == "sphere":
-        for radius, said in zip(element.findall("float"), values.findall("float"), strict=True):
-            if said.get("name") == "radius":
-                radius.set("value", f"{float(said.get('value', '')) * scale:.6g}")
-                return
-    moved = element.find("transform")
-    if moved is not None:
-        moved.insert(0, Element("scale", {"value": f"{scale:.6g}"}))
+def _shrink_and_move(element: Element, values: Element, chosen: _Chosen, what: str) -> None:
+    """In its own space, so that it stays within its old surface, and a flat one in its plane: nothing meets
+    it that did not. Squares become rectangles and cubes boxes; what is round stays so.
+    """
+    kind = element.get("type")
+    scale = [chosen.between(SMALLEST, 1.0, f"size {what}{axis}") for axis in ("", "/y", "/z")]
+    room = math.sqrt({"sphere": 1 / 3, "disk": 1 / 2}.get(kind or "", 1.0))
+    if room < 1:
+        scale = scale[:1] * 3
+    flat = kind in ("rectangle", "disk")
+    move = [
+        0.0 if flat and axis == "z" else room * (1 - s) * chosen.between(-1, 1, f"move {what}/{axis}")
+        for s, axis in zip(scale, "xyz", strict=True)
+    ]
+    if kind == "sphere" and (radius := _named(values, "radius")) is not None:
+        size, said = float(radius.get("value", "")), _named(values, "center")
+        centre = np.zeros(3) if said is None else _point(said)
+        for name in ("radius", "center"):
+            if (old := _named(element, name)) is not None:
+                element.remove(old)
+        element.insert(0, Element("float", {"name": "radius", "value": f"{size * scale[0]:.6g}"}))
+        moved = _written(centre + size * np.array(move))
+        element.insert(0, Element("point", {"name": "center", "value": moved}))
+    elif (transform := element.find("transform")) is not None:
+        transform.insert(0, Element("translate", dict(zip("xyz", (f"{x:.6g}" for x in move), strict=True))))
+        transform.insert(0, Element("scale", dict(zip("xyz", (f"{s:.6g}" for s in scale), strict=True))))
+
+
+def _named(shape: Element, name: str) -> Element | None:
+    """A property of a shape."""
+    return next((one for one in shape if one.get("name") == name), None)
+
+
+def _point(said: Element) -> Array:
+    if text := said.get("value"):
+        return np.broadcast_to(_numbers(text), 3)
+    return np.array([float(said.get(axis, "0")) for axis in "xyz"])
 
 
 def _numbers(text: str) -> Array:

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from raycheck.base import pictures
 from raycheck.base.arrays import Array
 from raycheck.base.errors import CannotRender, RenderError, RenderLate, RenderTimeout
 from raycheck.base.images import Image
@@ -30,6 +29,7 @@ from raycheck.grading.jail.sandbox import GRADING, Jail, Tier, best_tier
 from raycheck.grading.keys import Keys, digest_of, private_folder, read_keys
 from raycheck.grading.program import OVER, Program, Tried, build, write_scene
 from raycheck.grading.results import NOT_EXECUTED, SceneResult, StudentResult, TaskResult, failed_everything
+from raycheck.grading.shown import pictures_of, scene_result
 from raycheck.grading.submission import Submission, SubmissionError, open_submission
 from raycheck.judging import checks
 from raycheck.judging.agenda import Task as ToJudge
@@ -58,8 +58,6 @@ UNPROVEN = {
     Outcome.SKIP: "the picture is right; its hidden variants were refused, and the points wait for a look",
 }
 """Why points of a published scene are open, by what became of its hidden variants."""
-OPTION = "; --timeout SECONDS allows more"
-"""What verify advises, and no student can do."""
 OTHER = "the pictures show another student's variant of the scene, not yours"
 PUBLISHED = "the pictures show the scene as it is published, not your variant of it"
 NOT_TRIED = {
@@ -103,7 +101,7 @@ class Grader:
                 scenes[task.id].append((of, of.label, None))
                 hidden = hidden_variants(of, task.hidden, keys, folder, assignment.delta)
                 scenes[task.id] += [(one, of.label, of) for one in hidden]
-            for of, _, _ in scenes[task.id] if task.measures_noise else ():
+            for of, _, _ in scenes[task.id] if task.technique else ():
                 noise.of_oneray(of, task.spp, task.technique, private_folder(assignment.path))
         return cls(assignment, keys, scenes, tier)
 
@@ -162,8 +160,8 @@ class Grader:
         name = f"{of.label} (variant of {student})"
         try:
             case, images = handed_in.judge(files, own, others, self.finds, most, size, attempt.decoder)
-            scene = _scene_result(name, False, case, 1)
-            scene.pictures = _pictures(images, own, secret=True)
+            scene = scene_result(name, False, case, 1, size)
+            scene.pictures = pictures_of(images, own, secret=True)
         except RenderError as error:
             scene = SceneResult(name, False, Outcome.FAIL, str(error))
         scene.seconds = round(time.perf_counter() - started, 1)
@@ -189,7 +187,7 @@ class Grader:
     @property
     def compares(self) -> bool:
         """Whether a task compares with oneray, in noise or speed."""
-        return any(task.measures_noise or task.measures_speed for task in self.assignment.tasks)
+        return any(task.technique for task in self.assignment.tasks)
 
     def _task(self, task: Task, attempt: "Attempt") -> TaskResult:
         if not attempt.command:
@@ -238,7 +236,7 @@ class Grader:
                 return SceneResult(name, True, Outcome.INCONCLUSIVE, UNREADABLE)
             found = self.judge(task, of, name, hidden, program, purpose, share)
             made = max(program.pictures.values(), key=len, default=[])
-            found.pictures = _pictures(made, of, secret=hidden)
+            found.pictures = pictures_of(made, of, secret=hidden)
             if varies and found.verdict is Outcome.FAIL and made and self._stored(made, varies, of):
                 found.stored, found.reason, found.mistake = True, STORED, ""
             if task.measures_speed and found.verdict is Outcome.PASS:
@@ -286,15 +284,18 @@ class Grader:
         if last.verdict is not Outcome.FAIL and enough:
             wrong = self._many_samples(task.spp, of, program, purpose)
             last = replace(last, verdict=Outcome.FAIL, reason=wrong) if wrong else last
-        found = _scene_result(name, hidden, last, sum(case.looks for case in tried))
+        found = scene_result(name, hidden, last, sum(case.looks for case in tried), truth.shape)
         found.seconds = round(time.perf_counter() - started, 1)
         found.borderline = last.verdict is not Outcome.FAIL and len(tried) > 1
         if last.verdict is Outcome.FAIL and task.lecture:
             found.mistake = lecture.argument(task.lecture)
-        if task.measures_noise and last.verdict is not Outcome.FAIL and enough:
+        made = program.pictures.get(task.spp if program.takes_spp else 1, ())
+        if task.technique and found.verdict is not Outcome.FAIL and len(made) >= FEW_IMAGES:
             kept = private_folder(self.assignment.path)
-            compared = noise.compare(program.pictures[task.spp], of, task.spp, task.technique, kept)
-            found.noise = asdict(compared) if compared else None
+            compared = noise.compare(made, of, task.spp, task.technique, kept)
+            if compared and compared.doubt and found.verdict is Outcome.PASS:
+                found.verdict, found.reason = Outcome.INCONCLUSIVE, compared.doubt
+            found.noise = asdict(compared) if compared and task.shows_noise and program.takes_spp else None
         return found
 
     def _stored(self, made: Sequence[Array], published: Variant, of: Variant) -> bool:
@@ -416,31 +417,3 @@ def picture_pool(assignment: Assignment, keys: Keys, task: Task) -> list[Variant
     """The variants, of which each student hands in pictures of one."""
     folder, of = private_folder(assignment.path) / "pool", assignment.scene(task.scenes[0])
     return [pool_variant(of, index, keys, folder) for index in range(task.variants)]
-
-
-def _scene_result(name: str, hidden: bool, case: Case, looks: int) -> SceneResult:
-    figures = (case.bias, case.bias_low, case.bias_high, case.mde_image, case.more_samples)
-    bias, low, high, mde, more = map(_finite, figures)
-    reason = case.reason.removesuffix(OPTION)
-    return SceneResult(name, hidden, case.verdict, reason, bias, low, high, mde, more, case.spp, looks)
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _pictures(made: list[Array], of: Variant, secret: bool) -> list[dict[str, str]]:
-    """The mean of what was rendered, the reference where it is no secret, and where they differ."""
-    if not made:
-        return []
-    truth = truth_of(references.load_reference(of))
-    images = np.stack(made)
-    mean = images.mean(axis=0)
-    factor = pictures.exposure(truth.mean)
-    shown = [(mean, f"your mean of {len(made)} pictures")]
-    if not secret:
-        shown.append((truth.mean, "what it should be"))
-    own = images.var(axis=0, ddof=1) / len(images) if len(images) > 1 else truth.sample_variance
-    result = [{"uri": pictures.data_uri(pictures.display(p, factor)), "caption": c} for p, c in shown]
-    map_ = pictures.error_map(mean, truth.mean, np.sqrt(own + truth.variance))
-    return [*result, {"uri": pictures.data_uri(map_), "caption": "where: blue is too dark, red too bright"}]

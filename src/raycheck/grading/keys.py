@@ -7,10 +7,13 @@ the grader sees. Hidden ones take HMAC-SHA-256(secret, what it is for).
 import hashlib
 import hmac
 import os
+import re
 import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
+from raycheck.base.errors import NotFound
+from raycheck.base.files import one_process, whole
 from raycheck.grading.jail import folders
 
 SECRET_BYTES = 32
@@ -41,11 +44,18 @@ def private_folder(assignment: Path) -> Path:
 def read_keys(assignment: Path, published: str) -> Keys:
     """The secret is made at the first use, and kept: without it a regrade has other seeds and scenes."""
     path = private_folder(assignment) / "secret"
-    if not path.is_file():
-        with path.open("x", encoding="ascii") as file:
-            path.chmod(0o600)
-            file.write(secrets.token_hex(SECRET_BYTES) + "\n")
-    return Keys(published, bytes.fromhex(path.read_text(encoding="ascii").strip()))
+    with one_process(path.parent):
+        if not path.is_file():
+            with whole(path) as partial:
+                partial.touch(mode=0o600)
+                partial.write_text(secrets.token_hex(SECRET_BYTES) + "\n", encoding="ascii")
+    text = path.read_text(encoding="ascii", errors="replace").strip()
+    if not re.fullmatch(f"[0-9a-f]{{{2 * SECRET_BYTES}}}", text):
+        raise NotFound(
+            f"{path}: it holds no {2 * SECRET_BYTES} hexadecimal digits: put back the secret, or remove the "
+            "file for a new one and other hidden scenes"
+        )
+    return Keys(published, bytes.fromhex(text))
 
 
 def digest_of(folder: Path) -> str:

@@ -25,6 +25,8 @@ SURE = 3.0
 """Half the width of the interval in standard errors."""
 NORMAL, FAR = 4.0, 12.0
 """`shape` of noise that may be a normal distribution's, and of such as cannot."""
+HIDES = 30.0
+"""Times the variance of the technique that is asked for, from which noise hides what a task is to show."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,17 @@ class Noise:
     technique: str
     made_up: bool = False
     """It is that of normally distributed numbers, where oneray's is far from it."""
+
+    @property
+    def doubt(self) -> str:
+        """Why a PASS with so much noise waits for a look; empty if it does not."""
+        if self.low <= HIDES:
+            return ""
+        return (
+            "as far as its noise lets it be seen the picture is right, but a sample has "
+            f"{self.ratio:.0f} times the variance of oneray's {self.technique}: whether the program does "
+            "what the task asks for is not decided, and the points wait for a look at it"
+        )
 
 
 def compare(pictures: Sequence[Array], of: Variant, spp: int, name: str, folder: Path) -> Noise | None:

@@ -40,6 +40,8 @@ class SceneResult:
     seconds: float = 0.0
     pictures: list[dict[str, str]] = field(default_factory=list)
     """Data URIs and captions for the page."""
+    tile: dict[str, float] | None = None
+    """The tile that is furthest off or known least: top, left, height and width in percent of the picture."""
     stored: bool = False
     """It shows the published scene in place of a hidden variant."""
     secret: bool = False

@@ -7,6 +7,7 @@ refused. They are opened by a process apart, within limits of time and memory.
 
 import bz2 as bz2  # what the process that unpacks cannot find any more
 import codecs
+import errno
 import gzip as gzip
 import io
 import lzma as lzma
@@ -35,8 +36,11 @@ MOST_NAME, MOST_PATH = 200, 1000
 """Bytes of a name, and of all names down to it."""
 MOST_BYTES = 200 << 20
 TOO_LARGE = f"it unpacks to more than {MOST_BYTES >> 20} MB"
+NO_FILE = f"{MANIFEST} is a folder: a text file is wanted"
 MOST_SAID = 1000
 NO = "no"
+FULL_DISK = b"\0"
+"""How the process that unpacks says that the machine is at fault, before the error's number."""
 UNPACK_SECONDS = 20.0
 """Time of a processor."""
 UNPACK_MEMORY = 1 << 30
@@ -158,8 +162,18 @@ def open_submission(path: Path, into: Path, user: int | None = None) -> Submissi
         elif problem := _apart(path, into, user, _unpack):
             raise SubmissionError(problem)
     except OSError as error:
+        _check_machine(error)
         raise SubmissionError(f"it cannot be read: {shown(str(error), 200)}") from None
     return _manifest(_root(into))
+
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ENFILE}
+"""What is wrong with the machine on which a submission is opened, and never with the submission."""
+
+
+def _check_machine(error: OSError) -> None:
+    if error.errno in FULL:
+        raise error
 
 
 def _no_archive(name: str) -> SubmissionError:
@@ -187,6 +201,8 @@ def _apart(
             except MemoryError:
                 said = f"to unpack it takes too much: more than {UNPACK_MEMORY >> 20} MB of memory"
             except Exception as error:
+                if isinstance(error, OSError) and error.errno in FULL:
+                    return b"%s%d" % (FULL_DISK, error.errno)
                 said = f"it cannot be unpacked: {shown(str(error), 200)}"
             else:
                 return b""
@@ -197,9 +213,13 @@ def _apart(
                 answer, into, user, seconds=UNPACK_SECONDS, memory=UNPACK_MEMORY, file_bytes=MOST_BYTES,
                 kept=(file.fileno(),),
             ) as apart:  # fmt: skip
-                return apart.ask(os.fsencode(path.name), MOST_SAID).decode(errors="replace")
+                said = apart.ask(os.fsencode(path.name), MOST_SAID)
         except Broken as why:
             return f"to unpack it takes too much: it {why}"
+    if said.startswith(FULL_DISK):
+        number = int(said.removeprefix(FULL_DISK))
+        raise OSError(number, os.strerror(number), str(into))
+    return said.decode(errors="replace")
 
 
 def _unpack(file: IO[bytes], name: str, into: Path) -> None:
@@ -300,6 +320,8 @@ def _take(entries: Iterator[_Entry], into: Path) -> None:
     for entry in entries:
         path = seen.add(entry.name)
         if entry.open is None:
+            if path.name == MANIFEST:
+                raise SubmissionError(NO_FILE)
             continue
         if not path.parts:
             raise SubmissionError("a file in it has no name")
@@ -325,7 +347,7 @@ def _copy(source: IO[bytes], executable: bool, target: Path, room: int) -> int:
 
 def _root(folder: Path) -> Path:
     """Archives often hold one folder that holds all the rest."""
-    while not (folder / MANIFEST).is_file():
+    while not (folder / MANIFEST).exists():
         inside = [p for p in folder.iterdir() if p.name not in ("__MACOSX", ".DS_Store")]
         if len(inside) != 1 or not inside[0].is_dir() or inside[0].name == PICTURES:
             return folder
@@ -335,7 +357,9 @@ def _root(folder: Path) -> Path:
 
 def _manifest(folder: Path) -> Submission:
     path = folder / MANIFEST
-    if not path.is_file():
+    if path.is_dir():
+        raise SubmissionError(NO_FILE)
+    if not path.exists():
         return Submission(folder)
     try:
         return Submission(folder, read_manifest(path), has_manifest=True)

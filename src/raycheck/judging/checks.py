@@ -12,6 +12,7 @@ import numpy as np
 
 from raycheck.base.arrays import Array, Flags
 from raycheck.base.images import Image, Window
+from raycheck.stats.tiles import SMALLEST
 from raycheck.truth.expected import Truth
 
 SHARED = 0.5
@@ -30,6 +31,12 @@ CURVED = 0.1
 """By how much values below a cap may be off where it only cuts what is brighter."""
 OTHER_ERRORS, OTHER_SIZE = 8.0, 0.02
 """Means of an image that differ by more standard errors, and by a larger share, are of two pictures."""
+
+SEEN_WITHIN = 16.0
+"""Times its own noise that the reference varies within tiles, where pictures are compared with that."""
+FOLLOWS, FOLLOWS_ERRORS = 0.5, 8.0
+"""Slope within tiles below which a picture does not follow the reference, by more standard errors."""
+FEWEST_SLOPES = 8
 
 
 def size_problem(image: Image, height: int, width: int, part: Window | None = None) -> str | None:
@@ -179,6 +186,40 @@ def another_picture(few: Array, spp: int, many: Array, more: int) -> str | None:
         return None
     times = f"{many.mean() / few.mean() if few.mean() else math.inf:.3g} times"
     return f"with {more} samples per pixel it is another picture than with {spp}, {times} as bright"
+
+
+def slopes_within(images: Array, truth: Truth) -> Array:
+    """How each image (B, H, W, 3) follows the reference within the smallest tiles, whose means say nothing of
+    it: (B,) slopes, in the mean 1 of what is right; none where the reference hardly varies there.
+    """
+    reference, noise = _within(truth.mean.mean(axis=2)), float(truth.variance.mean(axis=2).sum())
+    size = float((reference**2).sum())
+    if size <= SEEN_WITHIN * noise or size == 0.0:
+        return np.empty(0)
+    slopes: Array = (_within(images.mean(axis=3)) * reference).sum(axis=(1, 2)) / (size - noise)
+    return slopes
+
+
+def exchanged_pixels(slopes: Array) -> str | None:
+    """Images that `slopes_within` shows to be right in the mean of tiles alone."""
+    if len(slopes) < FEWEST_SLOPES:
+        return None
+    slope, error = float(slopes.mean()), float(slopes.std(ddof=1)) / math.sqrt(len(slopes))
+    if slope > FOLLOWS or 1 - slope < FOLLOWS_ERRORS * error:
+        return None
+    return (
+        f"tiles of {SMALLEST}×{SMALLEST} pixels have the right mean, but within them the image does not "
+        f"follow the reference (slope {slope:.2f} ± {error:.2g}, 1 is right): are pixels exchanged?"
+    )
+
+
+def _within(grey: Array) -> Array:
+    """(…, H, W) less the means of the whole smallest tiles, without what is left over at the edges."""
+    rows, columns = (n // SMALLEST for n in grey.shape[-2:])
+    whole = grey[..., : rows * SMALLEST, : columns * SMALLEST]
+    tiles = whole.reshape(*grey.shape[:-2], rows, SMALLEST, columns, SMALLEST)
+    inside: Array = tiles - tiles.mean(axis=(-3, -1), keepdims=True)
+    return inside.reshape(whole.shape)
 
 
 def clamped(images: Array, reference: Array, reference_variance: Array) -> str | None:

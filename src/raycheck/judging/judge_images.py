@@ -99,6 +99,9 @@ def judge_pictures(
         more = max(needed / len(loaded), found.more_samples) if needed else math.inf
         found = replace(found, more_samples=more)
         return case(found.outcome, _few(found, len(loaded), needed), **figures(found, regions))
+    exchanged = checks.exchanged_pixels(checks.slopes_within(images, truth))
+    if exchanged and found.outcome is Outcome.PASS:
+        return case(Outcome.FAIL, exchanged, **figures(found, regions))
     found, sentence = conclude(found, regions, shown, precision=coarse.precision, takes=None)
     if classes > 1:
         sentence += (

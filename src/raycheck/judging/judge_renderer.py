@@ -452,6 +452,9 @@ def _judge_renders(surveyed: Survey, case: Callable[..., Case]) -> Case:
     found = judge(residuals[:BATCHES], residuals[BATCHES:], expected, settings.limits, settings.alpha)
     if spp:
         found = renders.counted(found, both, pilot, spp, spp, smallest)
+    exchanged = checks.exchanged_pixels(checks.slopes_within(both, truth))
+    if exchanged and found.outcome is Outcome.PASS:
+        return case(Outcome.FAIL, exchanged, spp=spp, images=PICTURES, **figures(found, regions))
 
     def takes(more: float) -> float:
         """Seconds of a case of so many times the samples: its start-ups stay as they are, where these are

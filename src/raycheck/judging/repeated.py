@@ -13,7 +13,7 @@ from statistics import median
 import numpy as np
 
 from raycheck.base.arrays import Array
-from raycheck.judging import sentences
+from raycheck.judging import checks, sentences
 from raycheck.judging.agenda import Task
 from raycheck.judging.cases import Case
 from raycheck.judging.conclusion import conclude, figures, measured
@@ -57,6 +57,8 @@ class Repeated:
     """Sums of errors (B, rows, cols, 3) over the smallest squares, and the samples per pixel of the images:
     two a look.
     """
+    slopes: list[float] = field(default_factory=list)
+    """How the images of all looks follow the reference within tiles."""
 
     def __post_init__(self) -> None:
         self.seen = Evidence.none(*self.truth.shape)
@@ -146,6 +148,11 @@ class Repeated:
         if spp:
             found = renders.counted(found, images, begun.pilot, spp, self.samples)
         self.own = settings.clock() - rendered
+        self.slopes += list(checks.slopes_within(images, self.truth))
+        exchanged = checks.exchanged_pixels(np.array(self.slopes))
+        told = figures(found, regions) | {"looks": looks, "images": looks * PICTURES}
+        if exchanged and found.outcome is Outcome.PASS:
+            return make(Outcome.FAIL, exchanged, spp=spp, **told)
         takes = partial(self._takes, spent=self.seconds + settings.clock() - since)
         found, sentence = conclude(
             found, regions, partial(renders.look, images), precision=begun.first[0].image.precision,
@@ -155,7 +162,6 @@ class Repeated:
         sentence += f" (after {looks} looks)" if looks > 1 else ""
         pixels = self.truth.mean[..., 0].size
         means = [(sums.sum(axis=(1, 2)) / pixels, n) for sums, n in self.sets]
-        told = figures(found, regions) | {"looks": looks, "images": looks * PICTURES}
         told |= measured(means, images, self.truth, spp or 1, sample_seconds(self.times))
         if found.outcome is Outcome.INCONCLUSIVE and np.isfinite(found.more_samples):
             told["more_seconds"] = takes(found.more_samples)

@@ -3,7 +3,7 @@ commands that repeat it and go on.
 """
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -94,7 +94,7 @@ class Gallery:
             name, f"{case.scene}, {case.technique}: {case.verdict}", "verdict.html", case=case,
             legend=self.site.picture("scale", pictures.legend()),
             pictures=[(self.site.picture(f"{name}-{what}", pixels), told) for what, pixels, told in shown],
-            tile=_share(case.tile, height, width), repeat=self.repeat(case), diagnose=_globbed(diagnose),
+            tile=share_of(case.tile, height, width), repeat=self.repeat(case), diagnose=_globbed(diagnose),
         )  # fmt: skip
         self.shown.append((name, case))
         return shown
@@ -127,7 +127,7 @@ def _globbed(words: Sequence[str]) -> str:
     return f"{shlex.join(rest[:2])} {shlex.quote(stem)}-*.exr {shlex.join(rest[2:])}"
 
 
-def _share(tile: Sequence[int] | None, height: int, width: int) -> Mapping[str, float] | None:
+def share_of(tile: Sequence[int] | None, height: int, width: int) -> dict[str, float] | None:
     """Row, column, height and width of a tile in percent of the picture."""
     if not tile:
         return None

@@ -10,6 +10,7 @@ groups' (cgroups.py) where these can be made. Nothing is read before every proce
 """
 
 import contextlib
+import errno
 import functools
 import math
 import os
@@ -39,6 +40,10 @@ MOST_OUTPUT_ENTRIES = 1000
 MOST_BUILD_ENTRIES = 20_000
 BUILD_BYTES = 1 << 30
 """What the folder of a submission may hold after its build."""
+BUILD_ROOM = 256 << 20
+"""What a build may write into temporary files, and into one file: compilers keep more than pictures take."""
+LEAST_ROOM = 1 << 20
+"""Bytes that are free on a disk that is not full."""
 ENVIRONMENT = {"PATH": "/usr/local/bin:/usr/bin:/bin", "LANG": "C.UTF-8"}
 ENTER = """\
 echo 1000 >/proc/self/oom_score_adj
@@ -78,8 +83,9 @@ class Jail:
 
     @property
     def user(self) -> int | None:
-        """Another user's id where this one is root."""
-        return FIRST_USER + self.slot % USERS if os.name == "posix" and os.geteuid() == 0 else None
+        """Another user's id where this one is root and there are others, which a name space may lack."""
+        user = FIRST_USER + self.slot % USERS
+        return user if os.name == "posix" and os.geteuid() == 0 and _is_mapped(user) else None
 
     def left(self) -> float:
         """Seconds of the whole grading."""
@@ -111,9 +117,18 @@ class Jail:
     ) -> Finished:  # fmt: skip
         """Run a command in /submission (`folder`), with `readable` seen under other names and /out writable.
 
-        NotFound where the jail itself cannot be made.
+        NotFound where the jail itself cannot be made; OSError where it failed and a disk is full, which may
+        be why.
         """
-        command = Command(words, folder, writable, readable or {}, output)
+        done = self._run(Command(words, folder, writable, readable or {}, output), seconds)
+        if place := output or (folder if writable else None):
+            free = os.statvfs(place)
+            if done.problem and free.f_bavail * free.f_frsize < LEAST_ROOM:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(place))
+        return done
+
+    def _run(self, command: "Command", seconds: float) -> Finished:
+        writable, output, folder = command.writable, command.output, command.folder
         limits, wall = self.limits, max(min(WALL * seconds, self.left()), 0.01)
         bounds = Bounds(seconds, wall, limits.memory_mb, command.sizes(limits))
         if self.tier is Tier.NONE:
@@ -135,7 +150,8 @@ class Jail:
         if self.user is not None:  # by a program: Popen's own way would copy this process's page tables
             ids = ("--reuid", str(self.user), "--regid", str(self.user), "--clear-groups")
             words += ["/usr/bin/setpriv", *ids, "--"]
-        words += [*_bubblewrap(self.limits, command), *_prlimit(self.limits, bounds.seconds), *command.words]
+        words += _bubblewrap(self.limits, command) + _prlimit(command, self.limits, bounds.seconds)
+        words += command.words
         with os.fdopen(os.memfd_create("filter"), "r+b") as file:
             file.write(_filter())
             file.seek(0)
@@ -151,10 +167,11 @@ class Jail:
             own = [str(place), *(str(size.folder) for size in bounds.sizes)]
             rules = confine.Rules(
                 self.user, self.tier is Tier.LANDLOCK, seen, own, command.writable,
-                _rlimits(self.limits, bounds.seconds), self.limits.processes,
+                _rlimits(command, self.limits, bounds.seconds), self.limits.processes,
                 {**ENVIRONMENT, "HOME": str(place), "TMPDIR": str(place)}, str(command.folder), bounds.doors,
             )  # fmt: skip
-            temporary = Size(place, self.limits.output_mb << 20, MOST_OUTPUT_ENTRIES)
+            most = MOST_BUILD_ENTRIES if command.writable else MOST_OUTPUT_ENTRIES
+            temporary = Size(place, command.room(self.limits), most)
             bounds = replace(bounds, sizes=[*bounds.sizes, temporary])
             done = watch(lambda info: Confined(rules, command.outside, info), bounds, self.tier)
         if self.tier is Tier.USER:
@@ -184,10 +201,24 @@ class Command:
         names = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, places))})(?=/|$)")
         return [names.sub(lambda found: places[found[0]], word) for word in self.words]
 
+    def room(self, limits: Limits) -> int:
+        """Bytes of a file, and of all that is temporary."""
+        return max(limits.output_mb << 20, BUILD_ROOM if self.writable else 0)
+
     def sizes(self, limits: Limits) -> list[Size]:
         """How large each folder that it may write to may become."""
         sizes = [Size(self.output, limits.output_mb << 20, MOST_OUTPUT_ENTRIES)] if self.output else []
         return [*sizes, Size(self.folder, BUILD_BYTES, MOST_BUILD_ENTRIES)] if self.writable else sizes
+
+
+def _is_mapped(user: int) -> bool:
+    """Whether that user's id exists in this process's name space."""
+    try:
+        lines = Path("/proc/self/uid_map").read_text().splitlines()
+    except OSError:  # a kernel without name spaces
+        return True
+    ranges = [tuple(map(int, line.split())) for line in lines]
+    return any(first <= user < first + count for first, _, count in ranges)
 
 
 def _remove_shared(user: int | None) -> None:
@@ -225,8 +256,9 @@ def _bubblewrap(limits: Limits, command: Command) -> list[str]:
         words += ["--ro-bind-try", name, name]
     for place in limits.readable:
         words += ["--ro-bind", place, place]
-    words += ["--proc", "/proc", "--dev", "/dev", "--size", str(limits.output_mb << 20), "--tmpfs", "/tmp"]
-    words += ["--size", str(limits.output_mb << 20), "--tmpfs", "/dev/shm"]
+    room = str(command.room(limits))
+    words += ["--proc", "/proc", "--dev", "/dev", "--size", room, "--tmpfs", "/tmp"]
+    words += ["--size", room, "--tmpfs", "/dev/shm"]
     words += ["--bind" if command.writable else "--ro-bind", str(command.folder), "/submission"]
     for outside, inside in command.readable.items():
         words += ["--ro-bind", str(outside), inside]
@@ -245,16 +277,18 @@ def _filter() -> bytes:
         raise NotFound(f"no filter of system calls (Debian's package libseccomp2): {error}") from None
 
 
-def _rlimits(limits: Limits, seconds: float) -> dict[str, int]:
-    """The limits of each process."""
+def _rlimits(command: Command, limits: Limits, seconds: float) -> dict[str, int]:
+    """The limits of each process: of memory that it may write to, since Java, Go and JavaScript reserve far
+    more addresses than they ever use.
+    """
     return {
-        "RLIMIT_AS": limits.memory_mb << 20, "RLIMIT_FSIZE": limits.output_mb << 20,
+        "RLIMIT_DATA": limits.memory_mb << 20, "RLIMIT_FSIZE": command.room(limits),
         "RLIMIT_CPU": int(seconds * max(4, os.cpu_count() or 1)) + 2, "RLIMIT_CORE": 0, "RLIMIT_NOFILE": 256,
     }  # fmt: skip
 
 
-def _prlimit(limits: Limits, seconds: float) -> list[str]:
-    each = {**_rlimits(limits, seconds), "RLIMIT_NPROC": limits.processes}
+def _prlimit(command: Command, limits: Limits, seconds: float) -> list[str]:
+    each = {**_rlimits(command, limits, seconds), "RLIMIT_NPROC": limits.processes}
     options = [f"--{name.removeprefix('RLIMIT_').lower()}={value}" for name, value in each.items()]
     return ["/usr/bin/prlimit", *options, "--"]
 
@@ -282,7 +316,7 @@ def why_not(tier: Tier) -> str:
         return "bubblewrap is not installed (Debian's package bubblewrap)"
     if tier is Tier.LANDLOCK and not confine.landlock_abi():
         return "the kernel has no Landlock, or the container forbids it"
-    if tier is Tier.USER and os.geteuid() != 0:
+    if tier is Tier.USER and Jail(tier, Limits()).user is None:
         return "only root may become another user"
     try:
         done = Jail(tier, Limits()).run(["/usr/bin/true"], seconds=10, folder=Path("/usr"), writable=False)

@@ -57,7 +57,7 @@ class Cluster:
 
     what: str
     written: bool
-    """Whether there was a picture, or a program at least: else there is hardly a mistake to speak of."""
+    """Whether there was a picture: else there is hardly a mistake to speak of."""
     tasks: dict[str, list[str]] = field(default_factory=dict)
     """By student: where it is seen."""
     picture: str = ""
@@ -92,7 +92,7 @@ def clusters(results: Sequence[StudentResult]) -> list[Cluster]:
             failed = [scene for scene in task.scenes if scene.verdict is Outcome.FAIL]
             if failed and task.verdict is Outcome.FAIL:
                 kind = _kind(failed[0].reason)
-                one = found.setdefault(kind, Cluster(kind, written=bool(failed[0].looks)))
+                one = found.setdefault(kind, Cluster(kind, written=bool(failed[0].pictures)))
                 one.tasks.setdefault(result.student, []).append(task.id)
                 one.picture = one.picture or next((p["uri"] for p in failed[0].pictures[-1:]), "")
     return sorted(found.values(), key=lambda one: (-len(one.tasks), one.what))
