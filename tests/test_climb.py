@@ -51,8 +51,9 @@ scene=$(basename "$1" .xml)
 echo "$scene $3" >> calls
 case " {wrong} " in *" $scene "*) from=pictures/wrong ;; *) from=pictures ;; esac
 case " {refused} " in *" $scene "*) echo "unsupported: $scene"; exit 1 ;; esac
+file=$from/$scene-$3-$5.pfm
 {more}
-cp "$from/$scene-$3-$5.pfm" "$7"
+cp "$file" "$7"
 """
     (place / "new").write_text(text)
     (place / "new").chmod(0o755)
@@ -294,3 +295,13 @@ def test_the_state_is_what_verify_writes(place: Path) -> None:
     text = json.loads((place / "raycheck-climb.json").read_text("utf-8"))
     assert text["totals"]["PASS"] == 1 and text["mode"] == "quick"
     assert set(text["programs"]) == {"point-light"}
+
+
+def test_what_is_not_decided_is_no_stop(place: Path) -> None:
+    """It says which option decides, of those that it has."""
+    program(place, more='[ -f "$file" ] || file=$(ls "$from/$scene-8-"* | head -1)')
+    noisy = ["point-light", "area-light", "--delta", "0.0001"]
+    status, output, _ = once(place, *noisy)
+    assert status == 3 and [row[1] for row in rows(output)] == ["INCONCLUSIVE"] * 2
+    assert "--seconds SECONDS gives each scene more." in output and "--until" not in output
+    assert "Not decided:\n  point-light" in output

@@ -82,15 +82,24 @@ def test_coordinates_of_textures_are_those_of_the_picture() -> None:
     assert len(seen) == 10  # both colours of floor, wall, screen, cube and ball
 
 
-def test_rays_between_the_corners_are_the_camera_s() -> None:
-    of = variants.variant("lecture")
+@pytest.mark.parametrize("name", variants.scene_names())
+def test_rays_between_the_corners_are_the_camera_s(name: str) -> None:
+    """By all four corners, or by three: they are on one plane, also where the view's axis is aside."""
+    of = variants.variant(name)
     camera = read_scene(of.path).camera
     data = export.export(of)["camera"]
-    corner, right, below = (np.array(data[k]) for k in ("top_left", "top_right", "bottom_left"))
-    for x, y in ((0.0, 0.0), (13.0, 40.5), (camera.width, camera.height)):
+    corner, right, below, last = (
+        np.array(data[k]) for k in ("top_left", "top_right", "bottom_left", "bottom_right")
+    )
+    assert last == pytest.approx(right + below - corner, abs=1e-12)
+    for x, y in ((0.0, 0.0), (13.0, 30.5), (camera.width, camera.height)):
         way = corner + (right - corner) * x / camera.width + (below - corner) * y / camera.height
-        expected = camera.directions(np.array(x), np.array(y))
-        assert way / np.linalg.norm(way) == pytest.approx(expected, abs=1e-12)
+        if camera.parallel:
+            start = camera.starts(np.array(float(x)), np.array(float(y)))
+            assert way + data["origin"] == pytest.approx(start, abs=1e-12)
+        else:
+            expected = camera.directions(np.array(x), np.array(y))
+            assert way / np.linalg.norm(way) == pytest.approx(expected, abs=1e-12)
 
 
 def test_six_faces_of_a_cube_look_outwards() -> None:

@@ -121,11 +121,13 @@ def _numbers(values: Array) -> list[Any]:
 
 
 def _camera(camera: Camera) -> dict[str, Any]:
-    """Origin, and directions to the image's corners, which lie on one plane as they are equally long: those
-    between are interpolated. Without perspective the ways from the origin to the corners, where rays start.
+    """Origin, and directions to the image's corners, on one plane, so that those between are interpolated: of
+    length 1, or of mean length 1 where the view's axis is not in the middle. Without perspective the ways
+    from the origin to the corners, where rays start.
     """
     x, y = np.array([0.0, camera.width, 0, camera.width]), np.array([0.0, 0, camera.height, camera.height])
-    ways, origin, near, far = camera.directions(x, y), camera.origin, camera.near_clip, camera.far_clip
+    ways, origin, near, far = camera.ways(x, y), camera.origin, camera.near_clip, camera.far_clip
+    ways = ways / np.linalg.norm(ways, axis=-1).mean()
     view = _unit(camera.to_world[:3, 2])
     more: dict[str, Any] = {}
     if camera.parallel:

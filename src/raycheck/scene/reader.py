@@ -123,12 +123,16 @@ class Camera:
 
     def directions(self, x: Array, y: Array) -> Array:
         """Unit vectors (…, 3) through film positions x, y (…) in pixels from the top left corner."""
+        ways = self.ways(x, y)
+        return np.asarray(ways / np.linalg.norm(ways, axis=-1, keepdims=True))
+
+    def ways(self, x: Array, y: Array) -> Array:
+        """The same on one plane, at distance 1 in camera space: those between are interpolated."""
         left, up = self._place(x, y)
         if self.parallel:
             left, up = np.zeros_like(left), np.zeros_like(up)
         local = np.stack([left, up, np.ones_like(left)], axis=-1)
-        world = local @ self.to_world[:3, :3].T
-        return np.asarray(world / np.linalg.norm(world, axis=-1, keepdims=True))
+        return np.asarray(local @ self.to_world[:3, :3].T)
 
     def starts(self, x: Array, y: Array) -> Array:
         """Points (…, 3) on the near plane without perspective, where the rays of x, y (…) start."""

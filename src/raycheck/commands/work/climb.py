@@ -22,6 +22,7 @@ from raycheck.judging.verdict_pages import Drawn, Gallery
 from raycheck.scene import variants
 from raycheck.stats.verdict import Outcome
 
+MORE = "--seconds SECONDS gives each scene more"
 BETWEEN = 2
 """Columns between two pictures."""
 HALF = "▀"
@@ -81,7 +82,7 @@ def _show_end(climbing: Climb, console: Output) -> None:
     """The verdicts as verify has them; then what the renderer can do, and what not yet."""
     result = climbing.result()
     if result.cases:
-        show(result)
+        show(result, MORE)
     by = {outcome: [case for case in result.cases if case.verdict is outcome] for outcome in Outcome}
     put(console, "")
     _list(console, "It can:", [case.scene for case in by[Outcome.PASS]], _told)

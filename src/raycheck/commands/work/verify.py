@@ -60,8 +60,11 @@ class Rows:
         self.row(escape(case.scene), case.technique, verdict, *_row(case))
 
 
-def show(result: Verification) -> None:
-    """A sentence for each verdict that is not PASS, and what they are together."""
+UNTIL = "--until SECONDS goes on until it is decided"
+
+
+def show(result: Verification, more: str = UNTIL) -> None:
+    """A sentence for each verdict that is not PASS, and what they are together; `more` says what decides."""
     console = Output()
     skipped = {case.name: case.reason for case in result.cases if case.skipped}
     for case in result.cases:
@@ -79,7 +82,7 @@ def show(result: Verification) -> None:
     console.print()
     console.print(sentence + ".", highlight=False)
     if totals.get(Outcome.INCONCLUSIVE.value):
-        console.print(_open_ones(result), highlight=False, markup=False, soft_wrap=True)
+        console.print(_open_ones(result, more), highlight=False, markup=False, soft_wrap=True)
     judged = [case for case in result.cases if not case.skipped]
     if judged:
         for line in (_judged_against(judged), _chance(result, judged)):
@@ -97,11 +100,11 @@ def show_sentence(console: Output, case: Case) -> None:
     console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
 
-def _open_ones(result: Verification) -> str:
+def _open_ones(result: Verification, more: str) -> str:
     """What an INCONCLUSIVE of this run means, and what decides it."""
     quick = result.header.get("mode") == "quick" and "until" not in result.header
     few = "the time of this quick run was not enough samples to tell" if quick else "too few samples to tell"
-    return f"INCONCLUSIVE: {few}; nothing is wrong yet. --until SECONDS goes on until it is decided."
+    return f"INCONCLUSIVE: {few}; nothing is wrong yet. {more}."
 
 
 def show_changes(before: Verification, now: Verification) -> None:
