@@ -66,7 +66,9 @@ def build(folder: Path, features: str) -> Path:
     again = [*make, "-n", "-W", "src/oneray/kernel/instances.c", "all"]
     commands = subprocess.run(again, check=True, capture_output=True, text=True).stdout
     commands = re.sub(r"^make.*$", "", commands, flags=re.M)
-    commands = commands.replace("-DSPECIALISED", f"-DSPECIALISED -D'LIST(X)=X(room, trace_paths, {features}, {USES})'")
+    commands = commands.replace(
+        "-DSPECIALISED", f"-DSPECIALISED -D'LIST(X)=X(room, trace_paths, {features}, {USES})'"
+    )
     subprocess.run(["sh", "-ec", commands], check=True, cwd=ROOT)
     return folder / "oneray"
 

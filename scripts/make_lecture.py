@@ -2,12 +2,14 @@
 
     python scripts/make_lecture.py [-o build/lecture]
 
-It leaves index.html, which needs no network and no server; figures/NAME.svg, the drawings for slides; and solved.html,
-for teachers: the assignment's tasks with the functions that the handout lacks. oneray is compiled to WebAssembly with the mistakes of the sections to be switched on (lecture_switches.py); it, the
-scenes and Mitsuba's pictures of them are in the page, packed. The C that a section shows is taken from the sources.
+It leaves index.html, which needs no network and no server; figures/NAME.svg, the drawings for slides; and
+solved.html, for teachers: the assignment's tasks with the functions that the handout lacks. oneray is
+compiled to WebAssembly with the mistakes of the sections to be switched on (lecture_switches.py); it, the
+scenes and Mitsuba's pictures of them are in the page, packed. The C that a section shows is taken from
+the sources.
 
-A section is docs/lecture/NAME.html: between two lines +++ TOML that says what it renders, then HTML, a template
-whose $…$ and $$…$$ are LaTeX, which becomes MathML. `Section` says what the TOML may have.
+A section is docs/lecture/NAME.html: between two lines +++ TOML that says what it renders, then HTML, a
+template whose $…$ and $$…$$ are LaTeX, which becomes MathML. `Section` says what the TOML may have.
 """
 
 from __future__ import annotations
@@ -57,10 +59,11 @@ class Section:
     name: str
     """Its file's, L10."""
     about: dict[str, Any]
-    """`title`; `claim`, a sentence; `ways`, tables of a `name`, a `technique` or `options`, and what differs from the
-    section: `scene`, `settings` (-D) and `reference`; `shown`, which of them are A and B at first, from 0; `scene`; `spp`;
-    `code`, "file function" each; `mistakes`, names of tests/mutants, with the way that shows each behind a colon;
-    `check`, commands. Without ways the page shows the converged picture, and says `recorded`.
+    """`title`; `claim`, a sentence; `ways`, tables of a `name`, a `technique` or `options`, and what
+    differs from the section: `scene`, `settings` (-D) and `reference`; `shown`, which of them are A
+    and B at first, from 0; `scene`; `spp`; `code`, "file function" each; `mistakes`, names of
+    tests/mutants, with the way that shows each behind a colon; `check`, commands. Without ways the
+    page shows the converged picture, and says `recorded`.
     """
     text: str
 
@@ -95,7 +98,9 @@ def order(name: str) -> tuple[int, int]:
 
 def read_sections() -> list[Section]:
     """All, in their order."""
-    return sorted((read_section(path) for path in TEXTS.glob("[A-Z][0-9]*.html")), key=lambda one: order(one.name))
+    return sorted(
+        (read_section(path) for path in TEXTS.glob("[A-Z][0-9]*.html")), key=lambda one: order(one.name)
+    )
 
 
 def mistakes_of(sections: list[Section]) -> list[str]:
@@ -118,7 +123,9 @@ _RAISED = re.compile(r"<msup>((?:(?!</?msup>).)*?)<mn>([2-5])</mn></msup>")
 
 def with_plain_powers(math: str) -> str:
     """Powers as characters: where a system has no font for mathematics, browsers raise them too far."""
-    return _RAISED.sub(lambda m: f'<mrow>{m[1]}<mo lspace="0" rspace="0">{"²³⁴⁵"[int(m[2]) - 2]}</mo></mrow>', math)
+    return _RAISED.sub(
+        lambda m: f'<mrow>{m[1]}<mo lspace="0" rspace="0">{"²³⁴⁵"[int(m[2]) - 2]}</mo></mrow>', math
+    )
 
 
 def code_of(place: str) -> dict[str, Any]:
@@ -132,13 +139,22 @@ def code_of(place: str) -> dict[str, Any]:
     lines = text.splitlines()
     last = text.count("\n", 0, found[0].end - 1)
     first = found[0].line - 1
-    while lines[first - 1].strip() and not lines[first - 1].startswith(("}", "#")) and "*/" not in lines[first - 1]:
+    while (
+        lines[first - 1].strip()
+        and not lines[first - 1].startswith(("}", "#"))
+        and "*/" not in lines[first - 1]
+    ):
         first -= 1
     if lines[first - 1].rstrip().endswith("*/"):
         first -= 1
         while "/*" not in lines[first]:
             first -= 1
-    return {"file": f"src/oneray/{file}", "name": name, "line": first + 1, "html": coloured(lines[first : last + 1])}
+    return {
+        "file": f"src/oneray/{file}",
+        "name": name,
+        "line": first + 1,
+        "html": coloured(lines[first : last + 1]),
+    }
 
 
 def solution(name: str) -> dict[str, Any]:
@@ -203,7 +219,9 @@ def make(folder: Path) -> Path:
     scenes = {way["scene"] for way in ways} | {"lecture"}
     pictures = {way["reference"] for way in ways} | {one.about["scene"] for one in sections if not one.ways}
     data = {
-        "scenes": {f"{s}.xml": (ROOT / f"scenes/{s}.xml").read_text(encoding="utf-8") for s in sorted(scenes)},
+        "scenes": {
+            f"{s}.xml": (ROOT / f"scenes/{s}.xml").read_text(encoding="utf-8") for s in sorted(scenes)
+        },
         "references": {r: reference(r) for r in sorted(pictures)},
     }
     templates = jinja2.Environment(
@@ -216,7 +234,8 @@ def make(folder: Path) -> Path:
         body = templates.from_string(with_mathml(one.text)).render(name=one.name)
         drawing = re.search(r"<svg .*?</svg>", body, re.DOTALL)
         shown.append({
-            "name": one.name, "about": one.about, "body": Markup(body), "figure": drawing[0] if drawing else "",
+            "name": one.name, "about": one.about, "body": Markup(body),
+            "figure": drawing[0] if drawing else "",
             "code": [code_of(place) for place in one.about.get("code", [])],
             "mistakes": [
                 {"number": names.index(n) + 1, "way": way, "says": catalogue[n].mistake, "name": n,
@@ -229,7 +248,9 @@ def make(folder: Path) -> Path:
     drawn = (TEXTS / "figures.css").read_text(encoding="utf-8")
     for one in shown:
         if one["figure"]:
-            write_whole(made_folder(folder / "figures") / f"{one['name']}.svg", figure_file(one["figure"], drawn))
+            write_whole(
+                made_folder(folder / "figures") / f"{one['name']}.svg", figure_file(one["figure"], drawn)
+            )
     page = templates.get_template("page.html").render(
         sections=shown, program=packed(program.read_bytes()), data=packed(json.dumps(data).encode()),
         defs=Markup((TEXTS / "defs.svg").read_text(encoding="utf-8")),
@@ -240,9 +261,13 @@ def make(folder: Path) -> Path:
         script=Markup((TEXTS / "lecture.js").read_text(encoding="utf-8")),
     )  # fmt: skip
     write_whole(folder / "index.html", page)
-    solved = [{"task": task, "code": [solution(name) for name in task.get("functions", [])]} for task in tasks]
+    solved = [
+        {"task": task, "code": [solution(name) for name in task.get("functions", [])]} for task in tasks
+    ]
     style = Markup((TEXTS / "lecture.css").read_text(encoding="utf-8"))
-    write_whole(folder / "solved.html", templates.get_template("solved.html").render(tasks=solved, style=style))
+    write_whole(
+        folder / "solved.html", templates.get_template("solved.html").render(tasks=solved, style=style)
+    )
     return folder / "index.html"
 
 
