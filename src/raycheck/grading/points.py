@@ -31,9 +31,7 @@ def earned(
     compared = executed and verdict in (Outcome.PASS, Outcome.INCONCLUSIVE)
     open_ = verdict is Outcome.INCONCLUSIVE
     nothing = 0.0, 0.0, ""
-    quiet, quiet_waits, of_noise = (
-        _noise(task, scenes, open_) if compared and task.shows_noise else nothing
-    )
+    quiet, quiet_waits, of_noise = _noise(task, scenes, open_) if compared and task.shows_noise else nothing
     fast, fast_waits, of_speed = _speed(task, scenes, open_) if compared and task.measures_speed else nothing
     waiting += quiet_waits + fast_waits
     if assignment.inconclusive != REVIEW:
