@@ -278,6 +278,7 @@ INLINE Index gather_index(const Int *table, Index i)
 /* In each lane the number of the lane named. */
 INLINE Index index_of_lanes(Index a, Index lane)
 {
+    (void)lane;
 #if LANES > 1 && !defined(__clang__)
     return __builtin_shuffle(a, lane);
 #else
