@@ -104,11 +104,16 @@ def mistakes_of(sections: list[Section]) -> list[str]:
 
 
 def with_mathml(text: str) -> str:
+    """With formulas as MathML. One on lines of its own may wrap where its LaTeX has a \\quad or \\qquad."""
+
+    def mathml(latex: str, display: str) -> str:
+        return with_plain_powers(latex2mathml.converter.convert(latex, display=display))
+
     def shown(found: re.Match[str]) -> str:
-        block = found[1] is not None
-        made = latex2mathml.converter.convert(found[1] or found[2], display="block" if block else "inline")
-        made = with_plain_powers(made)
-        return f'<div class="formula" tabindex="0">{made}</div>' if block else made
+        if found[1] is None:
+            return mathml(found[2], "inline")
+        parts = "".join(mathml(part, "block") for part in re.split(r"\\q?quad(?![a-z])", found[1]) if part.strip(" \\;"))
+        return f'<div class="formula" tabindex="0">{parts}</div>'
 
     return re.sub(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", shown, text, flags=re.DOTALL)
 

@@ -204,6 +204,7 @@
       await start();
       if (mine !== turn) return;
       curves = [[], []];
+      box.classList.add("drawn");
       box.querySelector(".commands").textContent = asked.ways.map((way, k) => `# ${NAMES[k]}: ${way.name}\n${command(way, asked)}`).join("\n");
       sum.textContent = "";
       await Promise.all(asked.ways.map(async (way, k) => {
@@ -286,20 +287,20 @@
   const sections = [...document.querySelectorAll("main > section")], button = document.getElementById("project");
   const at = () => Math.max(0, sections.findIndex((one) => `#${one.id}` === location.hash));
   function project(on, index = at()) {
-    document.body.classList.toggle("project", on);
+    document.documentElement.classList.toggle("project", on);
     button.setAttribute("aria-pressed", on);
     sections.forEach((one, k) => one.classList.toggle("shown", on && k === index));
     if (on) { history.replaceState(null, "", `#${sections[index].id}`); scrollTo(0, 0); } else sections[index].scrollIntoView();
     redraw();
   }
-  button.addEventListener("click", () => project(!document.body.classList.contains("project")));
+  button.addEventListener("click", () => project(!document.documentElement.classList.contains("project")));
   addEventListener("keydown", (event) => {
-    if (!document.body.classList.contains("project") || /^(SELECT|INPUT|PRE)$/.test(event.target.tagName)) return;
+    if (!document.documentElement.classList.contains("project") || /^(SELECT|INPUT|PRE)$/.test(event.target.tagName)) return;
     const step = { ArrowRight: 1, PageDown: 1, ArrowLeft: -1, PageUp: -1 }[event.key];
     if (step) { event.preventDefault(); project(true, Math.min(sections.length - 1, Math.max(0, at() + step))); }
     if (event.key === "Escape") project(false);
   });
-  addEventListener("hashchange", () => { if (document.body.classList.contains("project")) project(true); });
+  addEventListener("hashchange", () => { if (document.documentElement.classList.contains("project")) project(true); });
   // For who wants to render a scene of their own: lecture.add("mine.xml", text), then lecture.render(0, "mine", ["--estimator", "nee"], 0, 16, 0).
   window.lecture = { render, add: async (name, text) => (await start()).forEach((worker) => worker.postMessage({ name, text })) };
 })();
