@@ -1,7 +1,9 @@
-"""oneray with mistakes that can be switched on while it runs: what the lecture's pages render "what if I forget …" with.
+"""oneray with mistakes that can be switched on while it runs: what the lecture's pages render "what if I
+forget …" with.
 
-A copy of the sources, in which each place that a patch of tests/mutants changes holds both, the right lines and
-the wrong ones, and a number that is set before the program starts says which are taken. 0 is no mistake.
+A copy of the sources, in which each place that a patch of tests/mutants changes holds both, the right lines
+and the wrong ones, and a number that is set before the program starts says which are taken. 0 is no
+mistake.
 """
 
 from __future__ import annotations
@@ -52,8 +54,8 @@ def _hunks(mutant: Mutant) -> list[tuple[str, int, list[str]]]:
 
 
 def _place(lines: Sequence[str], signed: Sequence[str], near: int) -> tuple[int, Sequence[str]]:
-    """Where the hunk's old lines stand now, nearest to where they were, and the hunk without the lines around it that
-    are others now: as `patch` does it, at most two at either end.
+    """Where the hunk's old lines stand now, nearest to where they were, and the hunk without the lines
+    around it that are others now: as `patch` does it, at most two at either end.
     """
     for fuzz in range(3):
         left = min(fuzz, next(i for i, line in enumerate(signed) if line[0] != " "))
@@ -102,7 +104,9 @@ def changes(mutant: Mutant, number: int, root: Path) -> list[Change]:
 
 
 def _both(right: str, made: Sequence[Change]) -> str:
-    """The right lines, and the wrong ones of each mistake in the same place. What is declared there is declared once."""
+    """The right lines, and the wrong ones of each mistake in the same place. What is declared there is
+    declared once.
+    """
     declared = _DECLARED.match(right.rstrip("\n"))
     text = ""
     for one in made:
@@ -119,8 +123,8 @@ def _both(right: str, made: Sequence[Change]) -> str:
 
 
 def copy_with_switches(root: Path, folder: Path, mistakes: Sequence[Mutant]) -> None:
-    """Makefile and sources of a checkout into a folder, mistake number 1 the first. A file that is as it was keeps
-    its time, so that make builds what changed. PatchError where no switch can be made of a patch.
+    """Makefile and sources of a checkout into a folder, mistake number 1 the first. A file that is as it
+    was keeps its time, so that make builds what changed. PatchError where no switch can be made of a patch.
     """
     wanted: dict[str, list[Change]] = {}
     for number, mutant in enumerate(mistakes, 1):
