@@ -1,7 +1,8 @@
-"""oneray with mistakes that can be switched on while it runs: what the lecture's pages render.
+"""oneray with mistakes that can be switched on while it runs: what the lecture's pages render "what if I
+forget …" with.
 
-A copy of the sources, in which each place that a patch of tests/mutants changes holds both, the right
-lines and the wrong ones, and a number that is set before the program starts says which are taken. 0 is no
+A copy of the sources, in which each place that a patch of tests/mutants changes holds both, the right lines
+and the wrong ones, and a number that is set before the program starts says which are taken. 0 is no
 mistake.
 """
 
@@ -53,8 +54,8 @@ def _hunks(mutant: Mutant) -> list[tuple[str, int, list[str]]]:
 
 
 def _place(lines: Sequence[str], signed: Sequence[str], near: int) -> tuple[int, Sequence[str]]:
-    """Where the hunk's old lines stand now, nearest to where they were, and the hunk without the lines around
-    it that are others now: as `patch` does it, at most two at either end.
+    """Where the hunk's old lines stand now, nearest to where they were, and the hunk without the lines
+    around it that are others now: as `patch` does it, at most two at either end.
     """
     for fuzz in range(3):
         left = min(fuzz, next(i for i, line in enumerate(signed) if line[0] != " "))
@@ -122,8 +123,8 @@ def _both(right: str, made: Sequence[Change]) -> str:
 
 
 def copy_with_switches(root: Path, folder: Path, mistakes: Sequence[Mutant]) -> None:
-    """Makefile and sources of a checkout into a folder, mistake number 1 the first. A file that is as it was
-    keeps its time, so that make builds what changed. PatchError where no switch can be made of a patch.
+    """Makefile and sources of a checkout into a folder, mistake number 1 the first. A file that is as it
+    was keeps its time, so that make builds what changed. PatchError where no switch can be made of a patch.
     """
     wanted: dict[str, list[Change]] = {}
     for number, mutant in enumerate(mistakes, 1):
@@ -167,3 +168,4 @@ def _write(path: Path, text: str) -> None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
+

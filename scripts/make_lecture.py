@@ -5,8 +5,8 @@
 It leaves index.html, which needs no network and no server; figures/NAME.svg, the drawings for slides; and
 solved.html, for teachers: the assignment's tasks with the functions that the handout lacks. oneray is
 compiled to WebAssembly with the mistakes of the sections to be switched on (lecture_switches.py); it, the
-scenes and Mitsuba's pictures of them are in the page, packed. The C that a section shows is taken from
-the sources.
+scenes and Mitsuba's pictures of them are in the page, packed. The C that a section shows is taken from the
+sources.
 
 A section is docs/lecture/NAME.html: between two lines +++ TOML that says what it renders, then HTML, a
 template whose $…$ and $$…$$ are LaTeX, which becomes MathML. `Section` says what the TOML may have.
@@ -60,10 +60,10 @@ class Section:
     """Its file's, L10."""
     about: dict[str, Any]
     """`title`; `claim`, a sentence; `ways`, tables of a `name`, a `technique` or `options`, and what
-    differs from the section: `scene`, `settings` (-D) and `reference`; `shown`, which of them are A
-    and B at first, from 0; `scene`; `spp`; `code`, "file function" each; `mistakes`, names of
-    tests/mutants, with the way that shows each behind a colon; `check`, commands. Without ways the
-    page shows the converged picture, and says `recorded`.
+    differs from the section: `scene`, `settings` (-D) and `reference`; `shown`, which of them are A and B
+    at first, from 0; `scene`; `spp`; `code`, "file function" each; `mistakes`, names of tests/mutants, with
+    the way that shows each behind a colon; `check`, commands. Without ways the page shows the converged
+    picture, and says `recorded`.
     """
     text: str
 
@@ -98,9 +98,8 @@ def order(name: str) -> tuple[int, int]:
 
 def read_sections() -> list[Section]:
     """All, in their order."""
-    return sorted(
-        (read_section(path) for path in TEXTS.glob("[A-Z][0-9]*.html")), key=lambda one: order(one.name)
-    )
+    found = (read_section(path) for path in TEXTS.glob("[A-Z][0-9]*.html"))
+    return sorted(found, key=lambda one: order(one.name))
 
 
 def mistakes_of(sections: list[Section]) -> list[str]:
@@ -109,11 +108,17 @@ def mistakes_of(sections: list[Section]) -> list[str]:
 
 
 def with_mathml(text: str) -> str:
+    """With formulas as MathML. One on lines of its own may wrap where its LaTeX has a \\quad or \\qquad."""
+
+    def mathml(latex: str, display: str) -> str:
+        return with_plain_powers(latex2mathml.converter.convert(latex, display=display))
+
     def shown(found: re.Match[str]) -> str:
-        block = found[1] is not None
-        made = latex2mathml.converter.convert(found[1] or found[2], display="block" if block else "inline")
-        made = with_plain_powers(made)
-        return f'<div class="formula" tabindex="0">{made}</div>' if block else made
+        if found[1] is None:
+            return mathml(found[2], "inline")
+        parts = (part for part in re.split(r"\\q?quad(?![a-z])", found[1]) if part.strip())
+        whole = "".join(mathml(part, "block") for part in parts)
+        return f'<div class="formula" tabindex="0">{whole}</div>'
 
     return re.sub(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", shown, text, flags=re.DOTALL)
 
@@ -123,9 +128,12 @@ _RAISED = re.compile(r"<msup>((?:(?!</?msup>).)*?)<mn>([2-5])</mn></msup>")
 
 def with_plain_powers(math: str) -> str:
     """Powers as characters: where a system has no font for mathematics, browsers raise them too far."""
-    return _RAISED.sub(
-        lambda m: f'<mrow>{m[1]}<mo lspace="0" rspace="0">{"²³⁴⁵"[int(m[2]) - 2]}</mo></mrow>', math
-    )
+
+    def raised(found: re.Match[str]) -> str:
+        power = "²³⁴⁵"[int(found[2]) - 2]
+        return f'<mrow>{found[1]}<mo lspace="0" rspace="0">{power}</mo></mrow>'
+
+    return _RAISED.sub(raised, math)
 
 
 def code_of(place: str) -> dict[str, Any]:
@@ -139,22 +147,14 @@ def code_of(place: str) -> dict[str, Any]:
     lines = text.splitlines()
     last = text.count("\n", 0, found[0].end - 1)
     first = found[0].line - 1
-    while (
-        lines[first - 1].strip()
-        and not lines[first - 1].startswith(("}", "#"))
-        and "*/" not in lines[first - 1]
-    ):
+    while (above := lines[first - 1]).strip() and not above.startswith(("}", "#")) and "*/" not in above:
         first -= 1
     if lines[first - 1].rstrip().endswith("*/"):
         first -= 1
         while "/*" not in lines[first]:
             first -= 1
-    return {
-        "file": f"src/oneray/{file}",
-        "name": name,
-        "line": first + 1,
-        "html": coloured(lines[first : last + 1]),
-    }
+    shown = coloured(lines[first : last + 1])
+    return {"file": f"src/oneray/{file}", "name": name, "line": first + 1, "html": shown}
 
 
 def solution(name: str) -> dict[str, Any]:
@@ -216,12 +216,10 @@ def make(folder: Path) -> Path:
     names = mistakes_of(sections)
     program = compile_program(folder / "source", names)
     ways = [way for one in sections for way in one.ways]
-    scenes = {way["scene"] for way in ways} | {"lecture"}
+    scenes = {f"{way['scene']}.xml" for way in ways} | {"lecture.xml"}
     pictures = {way["reference"] for way in ways} | {one.about["scene"] for one in sections if not one.ways}
     data = {
-        "scenes": {
-            f"{s}.xml": (ROOT / f"scenes/{s}.xml").read_text(encoding="utf-8") for s in sorted(scenes)
-        },
+        "scenes": {s: (ROOT / "scenes" / s).read_text(encoding="utf-8") for s in sorted(scenes)},
         "references": {r: reference(r) for r in sorted(pictures)},
     }
     templates = jinja2.Environment(
@@ -248,9 +246,8 @@ def make(folder: Path) -> Path:
     drawn = (TEXTS / "figures.css").read_text(encoding="utf-8")
     for one in shown:
         if one["figure"]:
-            write_whole(
-                made_folder(folder / "figures") / f"{one['name']}.svg", figure_file(one["figure"], drawn)
-            )
+            drawings = made_folder(folder / "figures")
+            write_whole(drawings / f"{one['name']}.svg", figure_file(one["figure"], drawn))
     page = templates.get_template("page.html").render(
         sections=shown, program=packed(program.read_bytes()), data=packed(json.dumps(data).encode()),
         defs=Markup((TEXTS / "defs.svg").read_text(encoding="utf-8")),
@@ -261,13 +258,10 @@ def make(folder: Path) -> Path:
         script=Markup((TEXTS / "lecture.js").read_text(encoding="utf-8")),
     )  # fmt: skip
     write_whole(folder / "index.html", page)
-    solved = [
-        {"task": task, "code": [solution(name) for name in task.get("functions", [])]} for task in tasks
-    ]
+    solved = [{"task": t, "code": [solution(name) for name in t.get("functions", [])]} for t in tasks]
     style = Markup((TEXTS / "lecture.css").read_text(encoding="utf-8"))
-    write_whole(
-        folder / "solved.html", templates.get_template("solved.html").render(tasks=solved, style=style)
-    )
+    handout = templates.get_template("solved.html").render(tasks=solved, style=style)
+    write_whole(folder / "solved.html", handout)
     return folder / "index.html"
 
 

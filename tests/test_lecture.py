@@ -74,7 +74,9 @@ def test_the_checks_are_commands_that_there_are(command: str) -> None:
 
 
 def test_a_switch_is_made_of_whole_statements_only(tmp_path: Path) -> None:
-    """A patch of a function's head, or of a part of a block, is refused: it would be something else."""
+    """A patch of a function's head, or of a part of a block, is refused rather than made into something
+    else.
+    """
     catalogue = {one.name: one for one in mutants.catalogue()}
     with pytest.raises(lecture_switches.PatchError, match="more than statements"):
         lecture_switches.changes(catalogue["disk-no-root"], 1, ROOT)
@@ -87,9 +89,7 @@ def test_a_switch_is_made_of_whole_statements_only(tmp_path: Path) -> None:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page; its build is kept in build/lecture, so that only what changed is compiled."""
     if lacking := make_lecture.lacking():
-        pytest.skip(
-            f"the lecture's page cannot be built without {lacking} (apt-get install {make_lecture.PACKAGES})"
-        )
+        pytest.skip(f"the lecture's page needs {lacking}: apt-get install {make_lecture.PACKAGES}")
     return make_lecture.make(ROOT / "build/lecture")
 
 
@@ -192,9 +192,8 @@ def live(page: Page, name: str, act: str = "") -> str:
     if act:
         before = box.get_attribute("data-done")
         page.evaluate(f"box => {{ {act} }}", box.element_handle())
-        page.wait_for_function(
-            "([box, n]) => box.dataset.done !== n", arg=[box.element_handle(), before], timeout=60_000
-        )
+        done = "([box, n]) => box.dataset.done !== n"
+        page.wait_for_function(done, arg=[box.element_handle(), before], timeout=60_000)
     return box.locator(".sum").inner_text()
 
 
@@ -215,15 +214,12 @@ def test_another_seed_is_other_noise(page: Page) -> None:
     def picture() -> str:
         return page.locator("#L3 canvas.picture").last.evaluate("c => c.toDataURL()")
 
+    change = "const s = box.querySelector('.seed'); s.value = {}; s.dispatchEvent(new Event('change'))"
     live(page, "L3")
     first = picture()
-    live(
-        page, "L3", "const s = box.querySelector('.seed'); s.value = 7; s.dispatchEvent(new Event('change'))"
-    )
+    live(page, "L3", change.format(7))
     assert picture() != first
-    live(
-        page, "L3", "const s = box.querySelector('.seed'); s.value = 0; s.dispatchEvent(new Event('change'))"
-    )
+    live(page, "L3", change.format(0))
     assert picture() == first
 
 
