@@ -57,7 +57,7 @@ LACKED = re.compile(
     r"|<scene> needs a <sensor|<ref [^>]*>: that is a <shape>"
 )
 """One of the other plugins of Mitsuba is not here."""
-EITHER = "are in one place, face the same way and differ"
+EITHER = b"are in one place, face the same way and differ"
 """What oneray warns of where it depends on the renderer which surface is seen."""
 RULE = """\
 Whole scenes (a sensor and a shape, included files counted) whose files are all there, well formed, of
@@ -120,8 +120,7 @@ def check(path: Path, timeout: float) -> dict[str, Any]:
     lines = [line.replace(str(path.parent) + "/", "") for line in done.stderr.splitlines()]
     warnings = [line for line in lines if line.startswith("oneray: warning: ")]
     if not done.returncode:
-        either = {"ill_posed": True} if any(EITHER in line for line in warnings) else {}
-        return {"errors": {}, "other": [], "warnings": len(warnings)} | either
+        return {"errors": {}, "other": [], "warnings": len(warnings)}
     elements = {place.replace(str(path.parent) + "/", ""): e for place, e in elements_by_place(path).items()}
     said = [line for line in lines if line not in warnings]
     kinds = [kind_of(line, elements) for line in said]
@@ -205,7 +204,9 @@ def judge(path: Path, variant: str, seconds: float) -> dict[str, Any]:
                 command = [str(oneray_path()), str(scene), "-o", str(second), "--quiet"]
                 options = ["--spp", str(spp * len(batches)), "--seed", str(len(batches))]
                 try:
-                    subprocess.run([*command, *options], check=True, capture_output=True, timeout=seconds)
+                    said = subprocess.run(
+                        [*command, *options], check=True, capture_output=True, timeout=seconds
+                    ).stderr
                 except subprocess.TimeoutExpired:
                     if found is None:
                         raise
@@ -215,8 +216,11 @@ def judge(path: Path, variant: str, seconds: float) -> dict[str, Any]:
                     break
         finally:
             mitsuba.close()
+    verdict = str(found.verdict) if seen(found) or found.verdict is Outcome.FAIL else "UNDECIDED"
+    if found.verdict is Outcome.FAIL and EITHER in said:
+        verdict = "ILL-POSED"
     return {
-        "verdict": str(found.verdict) if seen(found) or found.verdict is Outcome.FAIL else "UNDECIDED",
+        "verdict": verdict,
         "detectable": found.mde_image, "bias": found.bias, "reason": found.reason.replace(name + "/", ""),
         "samples": spp * len(batches), "size": list(mean.shape[1::-1]),
     }  # fmt: skip
@@ -283,8 +287,6 @@ def main() -> int:
                 result |= {"verdict": "UNDECIDED", "reason": f"no picture in {options.seconds:.0f} s"}
             except (PlainError, subprocess.SubprocessError, OSError, ValueError) as error:
                 result |= {"verdict": "UNDECIDED", "reason": str(error)[:300]}
-        if result.get("verdict") == "FAIL" and result.get("ill_posed"):
-            result["verdict"] = "ILL-POSED"
         results.append(result)
         print(result.get("verdict", "ok" if not result["errors"] else "errors"), repository, name,
               result.get("reason", ""), *result["other"], sep="  ", flush=True)  # fmt: skip

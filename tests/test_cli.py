@@ -28,7 +28,7 @@ def raycheck(*words):
 def test_bare_prints_the_commands_that_matter():
     done = raycheck()
     assert done.returncode == 0
-    assert done.stdout.count("\n  raycheck ") == 4
+    assert done.stdout.count("\n  raycheck ") == 5
     assert "--renderer" in done.stdout and "--images" in done.stdout and "compare A.exr B.exr" in done.stdout
 
 

