@@ -1,3 +1,0 @@
-from importlib import metadata
-
-__version__ = metadata.version("latex2mathml")
