@@ -15,7 +15,7 @@ from raycheck.renderers.commands import Command
 from raycheck.renderers.renderer import Rendering
 from raycheck.scene.content import read_content
 from raycheck.scene.variants import scene_names, scene_path, variant
-from raycheck.stats.verdict import Limits, Outcome
+from raycheck.stats.verdict import ALPHA, Limits, Outcome
 from raycheck.truth import references
 from raycheck.truth.expected import truth_of
 
@@ -126,6 +126,16 @@ def test_pixels_exchanged_within_tiles(truth, wrong):
     pictures = [Image(wrong(render(None, 64, seed))) for seed in range(64)]
     told = judge_pictures(variant("point-light"), pictures, list(map(str, range(64))), Limits())
     assert told.verdict is Outcome.FAIL and "does not follow the reference" in told.reason, told.reason
+
+
+@pytest.mark.parametrize("error", [0.15, 0.3, 0.6, 1.2])
+def test_the_fewest_pictures_keep_the_level(error):
+    """Means and standard errors of slopes with normal noise: a tenth of a verdict's level at most goes here."""
+    rng, sets, freedom = np.random.default_rng(0), 4_000_000, checks.FEWEST_SLOPES - 1
+    mean = 1 + error * rng.standard_normal(sets)
+    told = error * np.sqrt(rng.chisquare(freedom, sets) / freedom)
+    wrong = (mean <= checks.FOLLOWS) & (1 - mean >= checks.FOLLOWS_ERRORS * told)
+    assert wrong.mean() <= ALPHA / 10
 
 
 @pytest.mark.parametrize("tails", [0.05, 1.0])

@@ -36,7 +36,10 @@ SEEN_WITHIN = 16.0
 """Times its own noise that the reference varies within tiles, where pictures are compared with that."""
 FOLLOWS, FOLLOWS_ERRORS = 0.5, 8.0
 """Slope within tiles below which a picture does not follow the reference, by more standard errors."""
-FEWEST_SLOPES = 8
+FEWEST_SLOPES = 16
+"""Images whose slopes tell by how much their mean is off by chance: of sixteen with normal noise one set in a
+million seems not to follow, of eight fifty.
+"""
 
 
 def size_problem(image: Image, height: int, width: int, part: Window | None = None) -> str | None:
