@@ -130,7 +130,7 @@ def test_pixels_exchanged_within_tiles(truth, wrong):
 
 @pytest.mark.parametrize("error", [0.15, 0.3, 0.6, 1.2])
 def test_the_fewest_pictures_keep_the_level(error):
-    """Means and standard errors of slopes with normal noise: a tenth of a verdict's level at most goes here."""
+    """By means and standard errors of slopes with normal noise: here goes a tenth of it at most."""
     rng, sets, freedom = np.random.default_rng(0), 4_000_000, checks.FEWEST_SLOPES - 1
     mean = 1 + error * rng.standard_normal(sets)
     told = error * np.sqrt(rng.chisquare(freedom, sets) / freedom)
