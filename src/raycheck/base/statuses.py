@@ -11,7 +11,7 @@ class Status(IntEnum):
     COULD_NOT_RUN = 2
     """The command line, a file or the machine was wrong, as a line says."""
     INCONCLUSIVE = 3
-    """Nothing is wrong, but something is left open."""
+    """Nothing is known to be wrong, but something is left open."""
     BUG = 70
     """The program itself is wrong; EX_SOFTWARE of sysexits.h."""
     CANNOT = 77

@@ -26,7 +26,7 @@ GALLERY = pytest.StashKey[Any]()
 
 
 class Undecided(UserWarning):
-    """A verdict is INCONCLUSIVE: nothing is wrong, but too few samples say whether all is right."""
+    """A verdict is INCONCLUSIVE: nothing is known to be wrong, nor by so few samples right."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -82,7 +82,7 @@ def show(result: Verification, more: str = UNTIL) -> None:
     console.print()
     console.print(sentence + ".", highlight=False)
     if totals.get(Outcome.INCONCLUSIVE.value):
-        console.print(_open_ones(result, more), highlight=False, markup=False, soft_wrap=True)
+        console.print(_open_ones(more), highlight=False, markup=False, soft_wrap=True)
     judged = [case for case in result.cases if not case.skipped]
     if judged:
         for line in (_judged_against(judged), _chance(result, judged)):
@@ -100,11 +100,9 @@ def show_sentence(console: Output, case: Case) -> None:
     console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
 
-def _open_ones(result: Verification, more: str) -> str:
-    """What an INCONCLUSIVE of this run means, and what decides it."""
-    quick = result.header.get("mode") == "quick" and "until" not in result.header
-    few = "the time of this quick run was not enough samples to tell" if quick else "too few samples to tell"
-    return f"INCONCLUSIVE: {few}; nothing is wrong yet. {more}."
+def _open_ones(more: str) -> str:
+    """What an INCONCLUSIVE means, and what decides it."""
+    return f"INCONCLUSIVE: too few samples to tell; nothing is known to be wrong. {more}."
 
 
 def show_changes(before: Verification, now: Verification) -> None:
