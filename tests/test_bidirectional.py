@@ -289,6 +289,7 @@ def p_alike(a: Array, b: Array) -> float:
     return float(min(1, 4 * np.min(stats.ttest_ind(a, b, equal_var=False).pvalue)))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("name", "lens"), [("diffuse", 0), ("diffuse", 0.3), ("frosted", 0), ("rough", 0)])
 def test_each_strategy_alone_is_all_of_the_light(
     oneray: Path, tmp_path: Path, name: str, lens: float
@@ -455,6 +456,7 @@ def test_the_mistakes_are_patches_of_the_sources() -> None:
         assert done.returncode == 0, f"{mutant.name}: {done.stdout}"
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*JUDGED, None])
 def test_a_mistake_is_seen(name: str | None) -> None:
     """By its picture; without one there is nothing to see."""

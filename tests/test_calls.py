@@ -233,6 +233,7 @@ if (isMainThread) {
 """A build, and a threaded program by language: how it is built and run, its file and its text."""
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("tier", TIERS)
 @pytest.mark.parametrize("language", THREADED)
 def test_builds_and_threaded_programs_of_all_languages_run(place: Path, tier: Tier, language: str) -> None:

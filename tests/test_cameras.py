@@ -143,6 +143,7 @@ FILMS = {
 }
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("inner", FILMS)
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_means_what_it_means_in_mitsuba(oneray: Path, tmp_path: Path, sensor: str, inner: str) -> None:

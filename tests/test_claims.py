@@ -301,6 +301,7 @@ def at_depth_two() -> list[str]:
     return [name for name in variants.scene_names() if possible(name)]
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("name", at_depth_two())
 def test_multiple_importance_sampling_is_never_much_worse(render, scene, name: str) -> None:
     """L13. One sample of each of two techniques, so with n = 1 in Veach's theorem 9.2,

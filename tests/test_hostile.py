@@ -484,6 +484,7 @@ def test_nested_folders_end_the_program_that_made_them(
 WORKS = "import time\nwhile time.process_time() < 1: pass"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("tier", TIERS)
 def test_a_limit_counts_work_and_not_what_others_do(tier: Tier) -> None:
     """Also sleep; a program that others keep from its work is in time."""

@@ -126,6 +126,7 @@ def techniques(scene: Path) -> list[str]:
     return [one.name for one in applicable(read_content(scene)) if one.name in wanted]
 
 
+@pytest.mark.sample(60)
 @pytest.mark.parametrize(("precision", "power"), [("double", -20), ("single", 13)])
 @pytest.mark.parametrize("name", EVERY)
 def test_light_times_a_power_of_two_is_the_picture_times_that(
@@ -144,6 +145,7 @@ def test_light_times_a_power_of_two_is_the_picture_times_that(
         assert once.pixels.max() > 0 or name in BLACK or one == "walk-cosine"
 
 
+@pytest.mark.sample(24)
 @pytest.mark.parametrize("name", SCENES)
 def test_all_techniques_have_the_same_mean(oneray: Path, scene, tmp_path: Path, name: str) -> None:
     """Next event estimation on and off, weighed or not, by whatever light and point."""
@@ -249,6 +251,7 @@ def without_normal_maps(root: ElementTree.Element) -> None:
                 parent[index] = inner
 
 
+@pytest.mark.sample(40)
 @pytest.mark.parametrize("name", EVERY)
 def test_a_mirrored_scene_is_a_mirrored_picture(oneray: Path, tmp_path: Path, name: str) -> None:
     root = parsed(EVERY[name])

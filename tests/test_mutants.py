@@ -7,13 +7,14 @@ a sample; `raycheck calibrate mutants` judges all of them.
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from building import ROOT
+from building import ROOT, build
 from typer.testing import CliRunner
 
 from raycheck.base.errors import PatchError
@@ -75,6 +76,41 @@ def test_every_patch_applies() -> None:
     assert not stale, "\n".join(stale)
 
 
+@pytest.fixture(scope="module")
+def kinds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the headers that the build writes."""
+    folder = tmp_path_factory.mktemp("kinds")
+    build(folder, goal="kinds")
+    return folder
+
+
+BIDIRECTIONAL = {m.name: m for m in mutants.catalogue(ROOT / "tests/mutants_bidirectional")}
+
+
+@pytest.mark.sample(30)
+@pytest.mark.parametrize("name", [*CATALOGUE, *BIDIRECTIONAL])
+def test_every_patch_compiles(tmp_path: Path, kinds: Path, name: str) -> None:
+    """What changes around it, as the arguments of a function that it calls, may leave a patch that applies
+    and is no program any more.
+    """
+    mutant = (CATALOGUE | BIDIRECTIONAL)[name]
+    shutil.copytree(ROOT / "src/oneray", tmp_path / "src/oneray")
+    touched = mutants.apply(mutant, tmp_path)
+    files = {path for path in touched if path.endswith(".c")}
+    for header in touched - files:
+        beside = (tmp_path / header).parent.glob("*.c")
+        files |= {str(path.relative_to(tmp_path)) for path in beside if path.stem != "instances"}
+        files.add("src/oneray/kernel/kernel.c")
+    command = ["cc", "-std=c99", "-D_XOPEN_SOURCE=700", "-fsyntax-only", "-Wall", "-Wno-unused", "-Wno-psabi"]
+    command += ["-DLANES=2", "-DKERNEL=kernel_double_2", "-DKERNELS(X)=X(double, 2, 0)"]
+    command += ["-Isrc/oneray", f"-I{kinds}"]
+    command += subprocess.check_output(["pkg-config", "--cflags", "OpenEXR"], text=True).split()
+    done = subprocess.run(
+        [*command, *sorted(files)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[:2000]
+
+
 def test_a_patch_that_does_not_apply_is_told(tmp_path: Path) -> None:
     patch = tmp_path / "old.patch"
     text = CATALOGUE["nee-no-cosine"].patch.read_text()
@@ -92,6 +128,7 @@ def judged(name: str) -> trials.Trial:
     return trials.try_program(program, mutant.scene, trials.load_truth(mutant.scene), spp=8)
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", SAMPLE)
 def test_a_mistake_fails(name: str) -> None:
     trial = judged(name)

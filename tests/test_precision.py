@@ -40,6 +40,7 @@ def pixels(oneray: Path, scene: Path, target: Path, precision: str, seed: int) -
     return np.asarray(load_image(target).pixels)
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
 def test_single_adds_no_bias_where_it_is_chosen(oneray: Path, tmp_path: Path, scene: Path) -> None:
     if chosen(oneray, scene)[0] == "double":

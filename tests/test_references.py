@@ -329,6 +329,7 @@ EACH_FORMULA = (
 )  # fmt: skip
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("label", EACH_FORMULA)
 def test_a_kept_closed_form_is_what_its_formula_gives(label: str) -> None:
     """Where it is not, a formula has changed under the same version."""

@@ -328,6 +328,7 @@ def pages(made: tuple[Path, str]) -> list[Path]:
     return [folder / "index.html", *(folder / f"pages/{name}.html" for name in names)]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_stands_in_the_way_of_those_who_do_not_see(
     browser: Browser, pages: list[Path], scheme: str

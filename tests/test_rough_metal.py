@@ -203,6 +203,7 @@ def test_an_anisotropic_factor_is_brdf_times_cosine_over_density(
     np.testing.assert_array_equal(s.wi, two.wi)
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("wo", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.6, 0.8), (0.7, -0.5, 0.1)], ids=str)
 @each_pair
 def test_an_anisotropic_furnace_shows_the_directional_albedo(
@@ -362,6 +363,7 @@ def test_a_white_one_reflects_along_its_normal_as_much_as_the_formula(alpha: flo
     np.testing.assert_allclose(directional_albedo(white, np.array([0.0, 0, 1])), albedo, rtol=1e-10)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("hemisphere", ["cosine", "uniform"])
 @pytest.mark.parametrize("cosine", [1.0, 0.6, 0.2])
 @pytest.mark.parametrize("alpha", [0.15, 0.5, 1.0])

@@ -62,6 +62,7 @@ def test_eval_is_mitsubas(driver: Driver, name: str, which: str, alpha: float) -
         np.testing.assert_allclose(pdf, density, rtol=2.5 * tolerance, atol=1e-9)  # 1 − T of the table
 
 
+@pytest.mark.sample(32)
 @each_way
 @each_alpha
 @each_case
@@ -84,6 +85,7 @@ def test_factor_is_brdf_times_cosine_over_density(
     np.testing.assert_array_equal(s.factor, two.factor)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("cosine", [1.0, 0.6, 0.1])
 @each_case
 def test_sampled_directions_carry_the_integral_of_eval(
@@ -106,6 +108,7 @@ def test_sampled_directions_carry_the_integral_of_eval(
         assert (np.abs(found - expected) < 4e-3 * expected + 4 * error).all(), normals
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("name", [name for name in KINDS if "brushed" not in name])
 @pytest.mark.parametrize("alpha", [0.0, 1e-4, 0.01, 10.0, 1000.0])
 def test_there_is_a_finite_number_everywhere(

@@ -52,6 +52,7 @@ def instance(oneray: Path, scene: Path, *options: str) -> str:
     return json.loads(done.stdout)["kernel"] if done.returncode == 0 else "generic"
 
 
+@pytest.mark.sample(100)
 @pytest.mark.parametrize("technique", TECHNIQUES)
 @pytest.mark.parametrize("scene", [*SCENES, *ODD], ids=lambda path: path.stem)
 def test_lanes_and_kernels(oneray: Path, tmp_path: Path, scene: Path, technique: str) -> None:
@@ -95,6 +96,7 @@ def by_clang(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build(tmp_path_factory.mktemp("clang"), CC=newest, KERNELS="generic")
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("scene", [*SCENES, *ODD], ids=lambda path: path.stem)
 def test_compilers(oneray: Path, by_clang: Path, tmp_path: Path, scene: Path) -> None:
     """gcc and clang give the same film, at each width."""

@@ -243,6 +243,7 @@ def test_without_a_jail_the_same_commands_find_the_same_folders(tmp_path) -> Non
     assert not done.problem and (tmp_path / "out/image.exr").read_text(encoding="utf-8") == "a scene"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("tier", [Tier.BUBBLEWRAP, Tier.LANDLOCK])
 def test_attacks_get_no_points_and_disturb_nobody(tmp_path, tier) -> None:
     need(tier)

@@ -19,10 +19,12 @@ MALFORMED = sorted((ROOT / "tests/malformed").glob("*.xml"))
 
 
 @pytest.fixture(scope="module")
-def sanitized(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A build that ends at the first error of memory or arithmetic."""
+def sanitized(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    """A build that ends at the first error of memory or arithmetic: kernels that every processor runs;
+    with --all one lane and wide ones too.
+    """
     flags = "-O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer"
-    widths = "double:8:2 double:2:0 double:1:0 single:4:0"
+    widths = "double:2:0 single:4:0" + " double:8:2 double:1:0" * request.config.getoption("all")
     return build(tmp_path_factory.mktemp("sanitized"), CFLAGS=flags, KERNELS="generic", KERNEL_LIST=widths)
 
 
@@ -33,6 +35,7 @@ def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
     return done
 
 
+@pytest.mark.sample(24)
 @pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
 def test_scenes(sanitized: Path, tmp_path: Path, scene: Path) -> None:
     """Each estimator at each width, and the whole way to a picture."""

@@ -201,6 +201,7 @@ BY_CHANCE = ROOT / "scenes/stiff/rough-boundary.xml"
 """Its light comes from one direction, through rough glass, which the tests' tracer passes by chance alone."""
 
 
+@pytest.mark.sample(40)
 @pytest.mark.parametrize(
     "scene",
     [
