@@ -80,7 +80,7 @@ def test_mistakes_that_look_alike_are_all_named(truth):
     words = f": “{found.mistakes[0].mistake.rstrip('.')}”"
     assert sentences.suspicion(one) == f"; it looks like this mistake{words}"
     factor = replace(one, convention=conventions.FACTOR)
-    assert sentences.suspicion(factor) == f"; this mistake would do just that{words}"
+    assert sentences.suspicion(factor) == f"; this mistake can do that, and so can others{words}"
     assert guesses(told(truth, signature("light-no-cosine")))[-1].endswith("tells them apart.")
 
 

@@ -172,7 +172,7 @@ def test_what_is_wrong_is_said(page: Page) -> None:
     text = '<scene version="3.0.0">\n<sensor type="perspective"></scene>'
     page.evaluate("text => lecture.add('broken.xml', text)", text)
     status, errors, _ = page.evaluate(RENDER, ["broken", [], 1, 0])
-    assert status == 2 and errors == "broken.xml:2: XML error: mismatched tag\n"
+    assert status == 2 and errors == "broken.xml:2: XML error: mismatched tag (<sensor> of line 2 is open)\n"
 
 
 def test_nothing_comes_from_elsewhere_and_nothing_complains(opened: tuple[Page, list[str]]) -> None:

@@ -306,11 +306,20 @@ def test_memory_of_many_triangles(oneray: Path, tmp_path: Path, precision: str) 
 
 
 @pytest.mark.parametrize(
-    ("name", "what"), [("none.ply", "No such file or directory"), ("d.obj", "Is a directory")]
+    ("name", "what"),
+    [
+        ("none.ply", "No such file or directory"),
+        ("d.obj", "Is a directory"),
+        ("empty.ply", "the file is empty"),
+        ("empty.obj", "the file is empty"),
+        ("empty.serialized", "the file is empty"),
+    ],
 )
 def test_missing_file(oneray: Path, tmp_path: Path, name: str, what: str) -> None:
     """The message names the line of the scene that asks for the file."""
     (tmp_path / "d.obj").mkdir()
+    if name.startswith("empty"):
+        (tmp_path / name).touch()
     file = scene(tmp_path / "scene.xml", name)
     done = subprocess.run([oneray, file, "-o", tmp_path / "out.exr"], capture_output=True, check=False)
     assert done.stderr.decode() == f"{file}:9: {tmp_path / name}: {what}\n"

@@ -135,7 +135,7 @@ def test_sample_count_is_the_scenes_unless_given(oneray: Path) -> None:
     assert json.loads(run(oneray, BOX, "--stats", "-").stdout)["spp"] == 64
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGKILL])
 def test_a_signal_leaves_no_half_file(oneray: Path, tmp_path: Path, number: signal.Signals) -> None:
     """Ended in the middle of the render: no picture, no temporary file, and an older picture untouched."""
     (tmp_path / "out.exr").write_bytes(b"older")

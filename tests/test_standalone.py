@@ -46,8 +46,9 @@ def refusal(oneray: Path, *words: object) -> str:
 
 
 def heed_interrupts() -> None:
-    """What runs the tests may ignore SIGINT, and oneray would take that over."""
+    """What runs the tests may ignore them, and oneray would take that over."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("estimator", ["mis", "light"])
@@ -224,26 +225,31 @@ def test_another_size(oneray: Path, tmp_path: Path) -> None:
     assert "more than 2^28" in refusal(oneray, BOX, "--width", 60000, "-o", tmp_path / "c.exr")
 
 
-@pytest.mark.parametrize("kind", ["picture", "film"])
-def test_interrupt_writes_what_there_is(oneray: Path, tmp_path: Path, kind: str) -> None:
-    """SIGINT ends the render, not its result: the samples so far are written, and a line says so."""
-    output = tmp_path / ("a.exr" if kind == "picture" else "a.film")
-    wanted = (
-        ["--spp", "1000000", "-o", output]
-        if kind == "picture"
-        else ["--samples", "0:1000000", "--film", output]
-    )
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("kind", ["picture", "film", "time"])
+def test_interrupt_writes_what_there_is(
+    oneray: Path, tmp_path: Path, kind: str, number: signal.Signals
+) -> None:
+    """SIGINT and SIGTERM end the render, not its result: the samples so far are written, and a line says so."""
+    output = tmp_path / ("a.film" if kind == "film" else "a.exr")
+    wanted = {
+        "picture": ["--spp", "1000000", "-o", output],
+        "film": ["--samples", "0:1000000", "--film", output],
+        "time": ["--time", "100", "-o", output],
+    }[kind]
     process = subprocess.Popen(
         [oneray, BOX, *wanted], preexec_fn=heed_interrupts, stderr=subprocess.PIPE, text=True
     )
     while process.poll() is None and cpu_seconds(process.pid) < 0.2:
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     said = process.communicate(timeout=20)[1]
-    assert process.returncode == -signal.SIGINT
-    assert said.startswith(f"oneray: warning: interrupted: {output}: ")
-    samples = int(said.split()[-6])
-    assert said.endswith(f"{samples} of 1000000 samples per pixel\n")
+    assert process.returncode == -number
+    of = "" if kind == "time" else " of 1000000"
+    line = rf"oneray: warning: interrupted: {re.escape(str(output))}: (\d+){of} samples per pixel\n"
+    told = re.fullmatch(line, said)
+    assert told, said
+    samples = int(told[1])
     if kind == "film":
         assert run(oneray, "merge", output, "-o", tmp_path / "a.exr").returncode == 0
     assert oiio.ImageBuf(str(tmp_path / "a.exr")).spec().getattribute("samplesPerPixel") == samples

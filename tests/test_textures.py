@@ -390,7 +390,8 @@ def test_what_is_no_picture_is_refused_in_one_line(oneray: Path, tmp_path: Path,
     command = [oneray, tmp_path / "s.xml", "--check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and says in done.stderr and done.stderr.count("\n") == 1, done.stderr
-    assert name in done.stderr
+    line = 1 + (tmp_path / "s.xml").read_text().partition(name)[0].count("\n")
+    assert done.stderr.startswith(f"{tmp_path / 's.xml'}:{line}: ") and name in done.stderr
 
 
 def test_a_picture_that_is_not_there(oneray: Path, tmp_path: Path) -> None:

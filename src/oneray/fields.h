@@ -41,6 +41,7 @@ typedef struct {
 typedef struct {
     char *name, *bytes;
     size_t size;
+    Place named; /* where in the scene file */
 } File;
 
 /* What share of light goes on: a colour, or a texture of them. */

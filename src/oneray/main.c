@@ -71,8 +71,11 @@ static void write_outputs(const Render *r)
     const Options *o = r->options;
     uint64_t samples = film_samples(&r->film);
     const char *to = o->output ? o->output : o->png ? o->png : o->film ? o->film : "the figures";
+    char wanted[32] = ""; /* of a render that time or error ends nobody knows it */
+    if (r->wanted != MOST_SAMPLES)
+        snprintf(wanted, sizeof wanted, " of %" PRIu64, r->wanted);
     if (interrupted())
-        warn("interrupted: %s: %" PRIu64 " of %" PRIu64 " samples per pixel%s", to, samples, r->wanted,
+        warn("interrupted: %s: %" PRIu64 "%s samples per pixel%s", to, samples, wanted,
             samples ? "" : ", nothing is written");
     if (samples && !o->film)
         say_why_black(r);

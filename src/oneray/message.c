@@ -15,7 +15,7 @@
 
 /* What a signal handler must know, so the only globals that change. */
 static char unfinished[4096];
-static volatile sig_atomic_t is_unfinished, heeded, stop;
+static volatile sig_atomic_t is_unfinished, heeded, stop; /* stop: the signal that asked for it, or 0 */
 /* And what a bug's message ends with. */
 static char **called;
 /* Where reading goes on behind an error, how many there were, and how many warnings. */
@@ -28,8 +28,8 @@ enum { EXIT_WRONG = 2, EXIT_BUG = 70 }; /* EX_SOFTWARE of sysexits.h */
 
 static void on_signal(int number)
 {
-    if (number == SIGINT && heeded && !stop) {
-        stop = 1;
+    if ((number == SIGINT || number == SIGTERM) && heeded && !stop) {
+        stop = number;
         return;
     }
     if (is_unfinished)
@@ -69,14 +69,16 @@ void heed_interrupt(void)
 {
     heeded = 1;
     handle(SIGINT);
+    handle(SIGTERM);
 }
 
-bool interrupted(void) { return stop; }
+bool interrupted(void) { return stop != 0; }
 
 void die_interrupted(void)
 {
-    signal(SIGINT, SIG_DFL);
-    raise(SIGINT);
+    int number = stop;
+    signal(number, SIG_DFL);
+    raise(number);
     exit(EXIT_WRONG);
 }
 

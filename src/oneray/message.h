@@ -43,8 +43,8 @@ int warnings_given(void);
    none. */
 void unfinished_file(const char *temporary_name);
 
-/* From now on the first SIGINT only makes interrupted() true; the second ends the program, as it does where
-   SIGINT is ignored. die_interrupted() ends it as SIGINT would have. */
+/* From now on the first SIGINT or SIGTERM only makes interrupted() true; the second ends the program. One that is
+   ignored stays so. die_interrupted() ends the program as the signal would have. */
 void heed_interrupt(void);
 bool interrupted(void);
 NORETURN void die_interrupted(void);

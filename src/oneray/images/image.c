@@ -21,14 +21,14 @@ static float decode_srgb(double x)
     return (float)(x <= 0.04045 ? x / 12.92 : cr_pow((x + 0.055) / 1.055, 2.4));
 }
 
-static void check_size(const char *file, int64_t width, int64_t height)
+static void check_size(const File *file, int64_t width, int64_t height)
 {
     if (width < 1 || height < 1 || width > MOST_PIXELS / height)
-        die("%s: it says %lld x %lld pixels, and a picture has 1 to %d", file, (long long)width, (long long)height,
-            MOST_PIXELS);
+        fail(&file->named, "%s: it says %lld x %lld pixels, and a picture has 1 to %d", file->name, (long long)width,
+            (long long)height, MOST_PIXELS);
 }
 
-void image_begin(Image *image, const char *file, int64_t width, int64_t height)
+void image_begin(Image *image, const File *file, int64_t width, int64_t height)
 {
     check_size(file, width, height);
     image->width = (int)width;
@@ -58,18 +58,18 @@ static void read_other(const File *file, Image *image)
     const unsigned char *bytes = (const unsigned char *)file->bytes;
     int size = file->size > INT_MAX ? INT_MAX : (int)file->size, width, height, channels;
     if (size >= 24 && memcmp(bytes, "\x89PNG", 4) == 0) /* of what is too large stb_image says that it is no picture */
-        check_size(file->name, big_endian(bytes + 16), big_endian(bytes + 20));
+        check_size(file, big_endian(bytes + 16), big_endian(bytes + 20));
     bool there = stbi_info_from_memory(bytes, size, &width, &height, &channels);
     if (there)
-        image_begin(image, file->name, width, height);
+        image_begin(image, file, width, height);
     bool hdr = there && stbi_is_hdr_from_memory(bytes, size), wide = there && stbi_is_16_bit_from_memory(bytes, size);
     void *values = !there ? NULL
                    : hdr  ? (void *)stbi_loadf_from_memory(bytes, size, &width, &height, &channels, 3)
                    : wide ? (void *)stbi_load_16_from_memory(bytes, size, &width, &height, &channels, 3)
                           : (void *)stbi_load_from_memory(bytes, size, &width, &height, &channels, 3);
     if (!values)
-        die("%s: no picture that can be read (PNG, JPEG, TGA, BMP, PNM, HDR or OpenEXR): %s", file->name,
-            stbi_failure_reason());
+        fail(&file->named, "%s: no picture that can be read (PNG, JPEG, TGA, BMP, PNM, HDR or OpenEXR): %s",
+            file->name, stbi_failure_reason());
     if (hdr)
         memcpy(image->value, values, 3 * sizeof(float) * (size_t)width * (size_t)height);
     else
@@ -92,8 +92,8 @@ const Image *image_of(Images *images, File *file, bool raw)
         for (size_t i = 0; i < (size_t)image->width * (size_t)image->height; i++)
             for (int c = 0; c < 3; c++)
                 if (!isfinite(image->value[i][c]))
-                    die("%s: pixel (%zu, %zu) is infinite or not a number", file->name, i % (size_t)image->width,
-                        i / (size_t)image->width);
+                    fail(&file->named, "%s: pixel (%zu, %zu) is infinite or not a number", file->name,
+                        i % (size_t)image->width, i / (size_t)image->width);
     }
     free(file->bytes);
     file->bytes = NULL;

@@ -20,7 +20,7 @@ typedef struct Images {
 } Images;
 
 /* The picture in the file: PNG, JPEG, TGA, BMP or PNM, of 8 or 16 bits and by sRGB's curve unless they are `raw`, or HDR
-   (RGBE) or OpenEXR. It takes the file's bytes. What is no picture ends the step with "FILE: …". */
+   (RGBE) or OpenEXR. It takes the file's bytes. What is no picture is an error where the scene file names it. */
 const Image *image_of(Images *images, File *file, bool raw);
 void images_free(Images *images);
 
@@ -29,4 +29,4 @@ bool is_openexr(const File *file);
 void openexr_read(const File *file, Image *image);
 
 /* Room for so many, none of which is too many. */
-void image_begin(Image *image, const char *file, int64_t width, int64_t height);
+void image_begin(Image *image, const File *file, int64_t width, int64_t height);

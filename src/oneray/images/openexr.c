@@ -45,7 +45,8 @@ static void check(Reader *reader, exr_result_t result)
     if (result == EXR_ERR_SUCCESS)
         return;
     exr_finish(&reader->context);
-    die("%s: an OpenEXR file that cannot be read: %s", reader->file->name, exr_get_error_code_as_string(result));
+    fail(&reader->file->named, "%s: an OpenEXR file that cannot be read: %s", reader->file->name,
+        exr_get_error_code_as_string(result));
 }
 
 static const char *find_channel(const exr_attr_chlist_t *list, const char *name)
@@ -72,7 +73,8 @@ static void find_channels(Reader *reader)
     if (all || (reader->channel[0] && list->num_channels <= 2))
         return;
     exr_finish(&reader->context);
-    die("%s: an OpenEXR file without channels R, G and B, or one alone, at each pixel", reader->file->name);
+    fail(&reader->file->named, "%s: an OpenEXR file without channels R, G and B, or one alone, at each pixel",
+        reader->file->name);
 }
 
 /* Decodes a chunk, of scan lines or a tile, to where its pixels are; of a grey picture to red alone. */
@@ -137,7 +139,7 @@ void openexr_read(const File *file, Image *image)
     if (storage != EXR_STORAGE_SCANLINE && storage != EXR_STORAGE_TILED)
         check(&reader, EXR_ERR_FEATURE_NOT_IMPLEMENTED);
     find_channels(&reader);
-    image_begin(image, file->name, (int64_t)reader.window.max.x - reader.window.min.x + 1,
+    image_begin(image, file, (int64_t)reader.window.max.x - reader.window.min.x + 1,
         (int64_t)reader.window.max.y - reader.window.min.y + 1);
     (storage == EXR_STORAGE_TILED ? read_tiles : read_lines)(&reader, &pipe);
     exr_decoding_destroy(reader.context, &pipe);

@@ -81,7 +81,8 @@ static void load_files(Description *d, void *to, const Said *said)
         if (said->fields[i].kind != AS_FILE)
             continue;
         File *file = (File *)((char *)to + said->fields[i].offset);
-        file->bytes = read_file(file->name, MOST_MIB, &said->place[i], &file->size);
+        file->named = said->place[i];
+        file->bytes = read_file(file->name, MOST_MIB, &file->named, &file->size);
         d->hash = hash_bytes(d->hash, file->bytes, file->size);
         PUSH(d->files, d->file_count, file->name);
     }

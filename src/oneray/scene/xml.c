@@ -421,6 +421,7 @@ static void XMLCALL on_doctype(void *data, const char *name, const char *system,
 
 char *read_file(const char *file, size_t most_mib, const Place *named_by, size_t *size)
 {
+    const Place at = named_by ? *named_by : (Place){0};
     FILE *stream = named_by || strcmp(file, "-") ? fopen(file, "rb") : stdin;
     char *bytes = NULL;
     *size = 0;
@@ -429,16 +430,14 @@ char *read_file(const char *file, size_t most_mib, const Place *named_by, size_t
             bytes = reallocate(bytes, (room = 2 * room + (1 << 16)) + 1, 1);
         got = fread(bytes + *size, 1, room - *size, stream);
         if ((*size + got + (1 << 20) - 1) >> 20 > most_mib)
-            die("%s: larger than %zu MiB, which is the limit for a %s file", file, most_mib,
-                most_mib == MAX_MIB ? "scene" : "mesh");
+            fail(&at, "%s: larger than %zu MiB, which is the limit for %s", file, most_mib,
+                most_mib == MAX_MIB ? "a scene file" : "a file that it names");
     }
-    if ((!stream || ferror(stream)) && named_by)
-        fail(named_by, "%s: %s", file, strerror(errno));
     if (!stream || ferror(stream))
-        die("%s: %s", file, strerror(errno));
+        fail(&at, "%s: %s", file, strerror(errno));
     fclose(stream);
     if (!*size)
-        die_at(file, 1, "the file is empty");
+        fail(&at, "%s: the file is empty", file);
     bytes[*size] = '\0';
     return bytes;
 }
@@ -512,6 +511,19 @@ static void take_given(Reader *reader, const Parameter *given, int count)
 }
 
 /* Reads the reader's file, which a place names, or the command line. */
+/* What expat says, and which element is open: a missing end is found far behind it. */
+NORETURN static void die_of_xml(const Reader *reader)
+{
+    const Input *in = &reader->in;
+    const enum XML_Error error = XML_GetErrorCode(in->parser);
+    const Node *open = reader->depth > in->depth ? reader->open : NULL;
+    bool unclosed = open && (error == XML_ERROR_TAG_MISMATCH || error == XML_ERROR_NO_ELEMENTS);
+    if (unclosed)
+        die_at(in->file, line_of(reader), "XML error: %s (<%s> of line %d is open)", XML_ErrorString(error), open->tag,
+            open->line);
+    die_at(in->file, line_of(reader), "XML error: %s", XML_ErrorString(error));
+}
+
 static void parse(Reader *reader, const Place *named_by)
 {
     size_t size;
@@ -528,7 +540,7 @@ static void parse(Reader *reader, const Place *named_by)
     XML_SetCharacterDataHandler(reader->in.parser, on_text);
     XML_SetStartDoctypeDeclHandler(reader->in.parser, on_doctype);
     if (XML_Parse(reader->in.parser, bytes, (int)size, 1) == XML_STATUS_ERROR)
-        die_at(reader->in.file, line_of(reader), "XML error: %s", XML_ErrorString(XML_GetErrorCode(reader->in.parser)));
+        die_of_xml(reader);
     XML_ParserFree(reader->in.parser);
     free(bytes);
 }

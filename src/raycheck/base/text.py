@@ -130,12 +130,14 @@ def _unquoted(text: str) -> str:
 
 
 def last_words(said: str) -> str:
-    """The last three lines of what a program said, as the end of a sentence; empty if it said nothing. Of
-    bytes that are no text, a row is one sign.
+    """The last three lines of what a program said, and before them the first that speaks of an error, as the
+    end of a sentence; empty if it said nothing. Of bytes that are no text, a row is one sign.
     """
     text = re.sub("[\ufffd\\x00-\\x08\\x0e-\\x1f]{4,}", "…", said)
     lines = [line.strip()[:300] for line in text.splitlines() if line.strip()]
-    return f"; it said: {quoted(' | '.join(lines[-3:]))}" if lines else ""
+    error = next((line for line in lines[:-3] if re.search(r"\berror\b", line, re.IGNORECASE)), None)
+    kept = [error, "…"] if error else []
+    return f"; it said: {quoted(' | '.join([*kept, *lines[-3:]]))}" if lines else ""
 
 
 UNSUPPORTED = "unsupported:"

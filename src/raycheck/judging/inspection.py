@@ -174,7 +174,7 @@ def guesses(told: Explanation) -> list[str]:
 def _heading(told: Explanation) -> str:
     several = len(told.mistakes) > 1
     if told.convention or told.parts:
-        return f"{'Each of these mistakes' if several else 'This mistake'} would do just that:"
+        return f"{'Each of these mistakes' if several else 'This mistake'} {sentences.CAN_DO_THAT}:"
     return "It looks like one of these mistakes:" if several else "It looks like this mistake:"
 
 

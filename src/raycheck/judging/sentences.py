@@ -136,21 +136,21 @@ KNOWN_WITHIN = 0.02
 """Half of a factor's interval, relative, within which it may be called by the number that lies in it."""
 
 
+CAN_DO_THAT = "can do that, and so can others"
+"""What is said of a mistake that a mere factor suggests: mistakes that nobody has catalogued may have the same one."""
+
+
 def suspicion(found: Explanation) -> str:
-    """The mistakes that a FAIL looks like, as the end of its sentence. Where the picture has a mere factor,
-    of all or of a part of its light, mistakes that nobody has catalogued may have the same one.
-    """
+    """The mistakes that a FAIL looks like, as the end of its sentence."""
     quoted = [f"“{mistake.mistake.rstrip('.')}”" for mistake in found.mistakes]
     if not quoted:
         return ""
     factor = bool(found.convention or found.parts)
     if len(quoted) == 1:
-        return (
-            f"; {'this mistake would do just that' if factor else 'it looks like this mistake'}: {quoted[0]}"
-        )
+        return f"; {f'this mistake {CAN_DO_THAT}' if factor else 'it looks like this mistake'}: {quoted[0]}"
     scene = mistakes.telling_scene([mistake.name for mistake in found.mistakes])
     apart = f" ({scene} tells them apart)" if scene else ""
-    which = "each of these mistakes would do just that" if factor else "it looks like one of these mistakes"
+    which = f"each of these mistakes {CAN_DO_THAT}" if factor else "it looks like one of these mistakes"
     return f"; {which}: {', '.join(quoted[:-1])} or {quoted[-1]}{apart}"
 
 

@@ -23,6 +23,10 @@ class Override:
     points: float
     comment: str
 
+    @property
+    def words(self) -> str:
+        return f"points set by hand{': ' + self.comment if self.comment else ''}"
+
 
 def read_overrides(
     path: Path, assignment: Assignment, students: Collection[str]
@@ -41,6 +45,9 @@ def read_overrides(
             raise NotFound(f"{path}:{line}: {row['points']!r} is no number of points, 0 or more") from None
         if row["task"] not in known:
             raise NotFound(f"{path}:{line}: no task {row['task']!r}; there are {', '.join(known)}")
+        if points > known[row["task"]].most:
+            most = number(known[row["task"]].most)
+            raise NotFound(f"{path}:{line}: {row['points']} points for {row['task']}, which has {most}")
         if row["student"] not in students:
             raise NotFound(f"{path}:{line}: there is no submission of a student {row['student']!r}")
         if (row["student"], row["task"]) in found:
@@ -82,8 +89,7 @@ def apply_overrides(result: StudentResult, overrides: Mapping[tuple[str, str], O
         override = overrides.get((result.student, task.id))
         if override:
             task.points, task.pending = override.points, 0.0
-            said = f"points set by hand{': ' + override.comment if override.comment else ''}"
-            task.comment = "; ".join(filter(None, (said, task.comment)))
+            task.comment = "; ".join(filter(None, (override.words, task.comment)))
 
 
 def grades_csv(
@@ -102,17 +108,24 @@ def grades_csv(
     )
     for student in order:
         result = by_name.get(student)
+        set_ = [(overrides or {}).get((student, task.id)) for task in assignment.tasks]
         if result is None:
-            set_ = [(overrides or {}).get((student, task.id)) for task in assignment.tasks]
             total = number(sum(one.points for one in set_ if one)) if any(set_) else ""
-            said = "; ".join(["nothing handed in", *(f"points set by hand: {o.comment}" for o in set_ if o)])
+            said = "; ".join(["nothing handed in", *(one.words for one in set_ if one)])
             cells = [number(one.points) if one else "" for one in set_]
             writer.writerow([_plain(student), *cells, total, "", "", "", _plain(said)])
             continue
         points = [number(task.points) for task in result.tasks]
         verdict = " ".join(f"{task.id}:{task.verdict.value}{_mark(task)}" for task in result.tasks)
         review = "yes" if result.review else ""
-        row = [number(result.total), number(result.pending), verdict, review, _plain(_comment(result))]
+        told = _comment(result)
+        by_hand = [
+            f"{task.id}: {one.words}"
+            for task, one in zip(assignment.tasks, set_, strict=True)
+            if one and one.words not in told
+        ]
+        comment = " / ".join(filter(None, (*by_hand, told)))
+        row = [number(result.total), number(result.pending), verdict, review, _plain(comment)]
         writer.writerow([_plain(student), *points, *row])
     return file.getvalue()
 
