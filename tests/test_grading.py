@@ -687,12 +687,14 @@ def test_overrides_stand_and_name_the_line_that_is_wrong(tmp_path) -> None:
     result = a_result(Outcome.INCONCLUSIVE, "too noisy", pending=4.0)
     tables.apply_overrides(result, tables.read_overrides(path, assignment, {"<b>Eve</b>"}))
     assert result.total == 3.5 and not result.review and "late" in result.tasks[0].comment
-    table = tables.grades_csv(assignment, [result], [], tables.read_overrides(path, assignment, {"<b>Eve</b>"}))
+    overrides = tables.read_overrides(path, assignment, {"<b>Eve</b>"})
+    table = tables.grades_csv(assignment, [result], [], overrides)
     [row] = csv.DictReader(io.StringIO(table))
     assert row["total"] == "3.5" and row["comment"].startswith("L1: points set by hand: late")
     for row, words in (
         ("x,L9,1,", "o.csv:2: no task 'L9'"), ("x,L1,much,", "o.csv:2: 'much' is no number"),
-        ("x,L1,nan,", "o.csv:2: 'nan' is no number"), ("x,L1,40,", "o.csv:2: 40 points for L1, which has"), ("y,L1,1,", "no submission of a student 'y'"),
+        ("x,L1,nan,", "o.csv:2: 'nan' is no number"),
+        ("x,L1,40,", "o.csv:2: 40 points for L1, which has"), ("y,L1,1,", "no submission of a student 'y'"),
     ):  # fmt: skip
         with pytest.raises(NotFound, match=words):
             tables.read_overrides(written(path, f"student,task,points,comment\n{row}\n"), assignment, {"x"})

@@ -412,8 +412,8 @@ def test_bytes_that_are_no_text_are_one_sign() -> None:
 
 
 def test_the_first_error_of_a_build_is_told() -> None:
-    said = "cc main.c\nmain.c:3: error: no ;\nmain.c:4: error: no }\n" + "note\n" * 9 + "make: *** [all] Error 1"
-    assert last_words(said) == "; it said: “main.c:3: error: no ; | … | note | note | make: *** [all] Error 1”"
+    said = "cc main.c\nmain.c:3: error: no ;\nmain.c:4: error: no }\n" + "note\n" * 9 + "make: *** Error 1"
+    assert last_words(said) == "; it said: “main.c:3: error: no ; | … | note | note | make: *** Error 1”"
     assert last_words("a: error: b\nmake: Error 1") == "; it said: “a: error: b | make: Error 1”"
 
 

@@ -230,7 +230,7 @@ def test_another_size(oneray: Path, tmp_path: Path) -> None:
 def test_interrupt_writes_what_there_is(
     oneray: Path, tmp_path: Path, kind: str, number: signal.Signals
 ) -> None:
-    """SIGINT and SIGTERM end the render, not its result: the samples so far are written, and a line says so."""
+    """SIGINT and SIGTERM end the render, not its result: what there is is written, and a line says so."""
     output = tmp_path / ("a.film" if kind == "film" else "a.exr")
     wanted = {
         "picture": ["--spp", "1000000", "-o", output],

@@ -24,8 +24,8 @@ static float decode_srgb(double x)
 static void check_size(const File *file, int64_t width, int64_t height)
 {
     if (width < 1 || height < 1 || width > MOST_PIXELS / height)
-        fail(&file->named, "%s: it says %lld x %lld pixels, and a picture has 1 to %d", file->name, (long long)width,
-            (long long)height, MOST_PIXELS);
+        fail(&file->named, "%s: it says %lld x %lld pixels, and a picture has 1 to %d", file->name,
+            (long long)width, (long long)height, MOST_PIXELS);
 }
 
 void image_begin(Image *image, const File *file, int64_t width, int64_t height)

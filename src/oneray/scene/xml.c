@@ -519,8 +519,8 @@ NORETURN static void die_of_xml(const Reader *reader)
     const Node *open = reader->depth > in->depth ? reader->open : NULL;
     bool unclosed = open && (error == XML_ERROR_TAG_MISMATCH || error == XML_ERROR_NO_ELEMENTS);
     if (unclosed)
-        die_at(in->file, line_of(reader), "XML error: %s (<%s> of line %d is open)", XML_ErrorString(error), open->tag,
-            open->line);
+        die_at(in->file, line_of(reader), "XML error: %s (<%s> of line %d is open)", XML_ErrorString(error),
+            open->tag, open->line);
     die_at(in->file, line_of(reader), "XML error: %s", XML_ErrorString(error));
 }
 

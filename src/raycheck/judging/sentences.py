@@ -137,7 +137,7 @@ KNOWN_WITHIN = 0.02
 
 
 CAN_DO_THAT = "can do that, and so can others"
-"""What is said of a mistake that a mere factor suggests: mistakes that nobody has catalogued may have the same one."""
+"""Of a mistake that a mere factor suggests: mistakes that nobody has catalogued may have the same one."""
 
 
 def suspicion(found: Explanation) -> str:
