@@ -25,7 +25,8 @@ from raycheck.grading.written import tables
 from raycheck.grading.written.gradescope import results_json
 from raycheck.grading.written.pages import clusters, student_page
 from raycheck.judging.junit import junit_xml
-from raycheck.renderers.manifest import read_manifest
+from raycheck.renderers.manifest import command_of, read_manifest
+from raycheck.renderers.watched import program_files
 from raycheck.scene import export, variants
 from raycheck.scene.support import KINDS, Support, segments
 from raycheck.stats.verdict import Outcome
@@ -312,3 +313,10 @@ def test_a_picture_with_a_refusal_beside_it_is_skipped(tmp_path: Path) -> None:
     body = f"import sys,shutil; print('unsupported: a lens'); shutil.copy(r'{picture}', sys.argv[1] + '.pfm')"
     [case] = raycheck.verify(f'"{sys.executable}" -c "{body}" {{output}}', "furnace").cases
     assert case.verdict is Outcome.SKIP and case.reason == "unsupported: a lens"
+
+
+def test_a_command_may_be_longer_than_the_name_of_any_file() -> None:
+    words = "x" * 5000
+    command = command_of(f"{sys.executable} -c {words} {{output}}")
+    assert words in command.words
+    assert program_files(command) == [Path(sys.executable)]

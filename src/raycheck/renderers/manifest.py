@@ -3,6 +3,7 @@
 One schema for `raycheck verify`, which runs the command as it is, and for submissions, which run in a jail.
 """
 
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -99,7 +100,8 @@ def _limits(table: Any) -> OwnLimits:
 def manifest_of(renderer: str | Path) -> Path | None:
     """The manifest that stands for a renderer: the file, or that of a folder; None where it is a command."""
     path = Path(renderer)
-    if str(renderer) and path.is_dir():  # Path("") is here, and no command
+    # Path("") is here, and no command; a command may be longer than any name of a file.
+    if str(renderer) and os.path.isdir(renderer):
         path = path / MANIFEST
         if not path.is_file():
             raise NotFound(f"{renderer}: a folder without a {MANIFEST}")

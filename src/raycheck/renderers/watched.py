@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import os
 import shutil
 import time
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ def program_files(command: Command) -> list[Path]:
     where there is neither.
     """
     folder = command.folder or Path()
-    found = [folder / word for word in command.words if (folder / word).is_file()]
+    found = [folder / word for word in command.words if os.path.isfile(folder / word)]
     if not found:
         program = shutil.which(command.words[0])
         if not program:
