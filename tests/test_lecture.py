@@ -206,8 +206,8 @@ def test_two_ways_are_one_picture(page: Page) -> None:
 
 def test_a_mistake_is_seen(page: Page) -> None:
     button = 'box.parentElement.querySelector("[data-mistake]").click()'
-    assert re.search(r"^B is 9\d % too dark on average", live(page, "L1", button))
-    assert re.search(r"^B is [\d.]+ % too bright on average", live(page, "L10", button))
+    assert re.search(r"^B is 9\d\s% too dark on average", live(page, "L1", button))
+    assert re.search(r"^B is [\d.]+\s% too bright on average", live(page, "L10", button))
 
 
 def test_another_seed_is_other_noise(page: Page) -> None:

@@ -3,7 +3,7 @@
 (() => {
   const NAMES = ["A", "B"], RANGE = 0.3;
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-  const percent = (x) => { const size = Math.abs(x) * 100; return `${x < 0 ? "−" : ""}${size >= 10 ? size.toFixed(0) : size.toPrecision(2)} %`; };
+  const percent = (x) => { const size = Math.abs(x) * 100; return `${x < 0 ? "−" : ""}${size >= 10 ? size.toFixed(0) : size.toPrecision(2)}\u00a0%`; };
 
   async function unpacked(id) {
     const text = document.getElementById(id).textContent, bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
