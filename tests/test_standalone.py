@@ -257,6 +257,20 @@ def test_interrupt_writes_what_there_is(
     np.testing.assert_array_equal(pixels(tmp_path / "a.exr"), pixels(tmp_path / "b.exr"))
 
 
+def test_an_error_that_is_hours_away_is_said_so(oneray: Path, tmp_path: Path) -> None:
+    command = [oneray, BOX, "--error", "0.00001", "-o", tmp_path / "a.exr"]
+    process = subprocess.Popen(command, preexec_fn=heed_interrupts, stderr=subprocess.PIPE, text=True)
+    assert process.stderr
+    told = process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=20)[1]
+    line = r"oneray: warning: --error 1e-05 takes about ([\d.e+]+) hours more \(the error is [\d.e-]+ now\); --time .*"
+    found = re.match(line, told)
+    assert found and float(found[1]) > 0.25, told
+    assert "interrupted" in rest and "hours more" not in rest
+    assert "hours more" not in run(oneray, BOX, "--error", "0.00001", "--time", "4").stderr
+
+
 def test_out_of_memory_is_an_error(oneray: Path, tmp_path: Path) -> None:
     limit = 200 << 20
     done = run(

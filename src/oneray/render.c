@@ -17,6 +17,8 @@ enum {
     FIRST_LOOK = 16,       /* samples per pixel from which on an error is believed */
     BLACK_SAMPLES = 1024   /* and an image is black */
 };
+#define FAR_KNOWN_AFTER 2.0 /* seconds, after which it is said that an error is further away than … */
+#define FAR_HOURS 0.25
 
 double seconds_now(void)
 {
@@ -264,11 +266,29 @@ static uint64_t next_look(uint64_t done)
     return (done / step + 1) * step;
 }
 
+/* Says once that an error is far away which nothing else bounds: its square falls with the samples. */
+static void say_how_far(Render *r, uint64_t done)
+{
+    const Options *o = r->options;
+    double elapsed = seconds_now() - r->started, times = pow(r->progress.error / o->error, 2);
+    double hours = elapsed / (double)done_here(r) * (double)done * (times - 1) / 3600;
+    if (r->progress.told || elapsed < FAR_KNOWN_AFTER || !(hours > FAR_HOURS) || !isfinite(hours) || o->spp
+        || o->seconds > 0)
+        return;
+    r->progress.told = true;
+    if (r->progress.shown)
+        fputc('\n', stderr);
+    warn("--error %g takes about %.2g hours more (the error is %.2g now); --time SECONDS ends it earlier, and so does "
+         "Ctrl-C",
+        o->error, hours, r->progress.error);
+}
+
 static bool error_reached(Render *r, uint64_t done)
 {
     if (done < FIRST_LOOK || next_look(done - 1) != done)
         return false;
     r->progress.error = film_relative_error(&r->film);
+    say_how_far(r, done);
     return r->progress.error <= r->options->error || (r->progress.error == HUGE_VAL && done >= BLACK_SAMPLES);
 }
 

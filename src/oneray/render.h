@@ -7,9 +7,9 @@
 
 double seconds_now(void); /* a clock that only goes forward */
 
-/* A line on a terminal's standard error, none in a pipe. */
+/* A line on a terminal's standard error. */
 typedef struct {
-    bool shown;
+    bool shown, told;        /* on it; that the error is far away, wherever */
     double last, last_error; /* seconds_now() when it was shown, and when the error was estimated */
     double error;            /* as film_relative_error(); 0: not known yet */
 } Progress;

@@ -170,7 +170,7 @@ Core = Annotated[int | None, typer.Option(help="The core that renderers are pinn
 ReportFolder = Annotated[
     Path,
     typer.Option(
-        "--output", "-o", metavar="DIR",
+        "--output", "--out", "-o", metavar="DIR",
         help="Where index.html goes; an interrupted run there is continued.",
     ),
 ]  # fmt: skip

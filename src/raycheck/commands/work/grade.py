@@ -1,5 +1,6 @@
 """Grading, with what it says about it."""
 
+import copy
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,8 +43,10 @@ def grade(
     made_folder(out)
     progress = Output(stderr=True)
 
-    def on_result(result: StudentResult) -> None:
+    def on_result(graded: StudentResult) -> None:
         if len(found) > 1:
+            result = copy.deepcopy(graded)
+            tables.apply_overrides(result, by_hand)
             points = f"{number(result.total)} of {number(result.most)}"
             progress.print(plain(f"{result.student}: {points}"), highlight=False, markup=False)
 
