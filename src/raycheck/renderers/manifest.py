@@ -100,8 +100,7 @@ def _limits(table: Any) -> OwnLimits:
 def manifest_of(renderer: str | Path) -> Path | None:
     """The manifest that stands for a renderer: the file, or that of a folder; None where it is a command."""
     path = Path(renderer)
-    # Path("") is here, and no command; a command may be longer than any name of a file.
-    if str(renderer) and os.path.isdir(renderer):
+    if str(renderer) and os.path.isdir(renderer):  # noqa: PTH112  Path.is_dir raises at names too long
         path = path / MANIFEST
         if not path.is_file():
             raise NotFound(f"{renderer}: a folder without a {MANIFEST}")

@@ -21,7 +21,7 @@ def program_files(command: Command) -> list[Path]:
     where there is neither.
     """
     folder = command.folder or Path()
-    found = [folder / word for word in command.words if os.path.isfile(folder / word)]
+    found = [folder / word for word in command.words if os.path.isfile(folder / word)]  # noqa: PTH113
     if not found:
         program = shutil.which(command.words[0])
         if not program:
