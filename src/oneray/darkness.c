@@ -69,7 +69,7 @@ static size_t count_lit(const Render *r, Description *changed, size_t *count)
     for (size_t i = 0; i < probes; i++) {
         size_t pixel = i * pixels / probes, width = (size_t)w->width;
         size_t place = ((size_t)w->y + pixel / width) * (size_t)w->image_width + (size_t)w->x + pixel % width;
-        Job job = {r->options->seed, 0, place, PROBE_SAMPLES, 1, radiance, NULL};
+        Job job = {r->options->seed, 0, place, PROBE_SAMPLES, 1, radiance, NULL, NULL, NULL};
         r->kernel->render(prepared, &job, &counters, 1);
         for (size_t k = 0; k < PROBE_SAMPLES; k++)
             lit += radiance[3 * k] > 0 || radiance[3 * k + 1] > 0 || radiance[3 * k + 2] > 0;

@@ -108,6 +108,7 @@
     X(SCHLICK, schlick, "Schlick's Fresnel")                                                                 \
     X(LIGHT_PATHS, light_paths, "light tracing")                                                             \
     X(BIDIRECTIONAL, bidirectional, "bidirectional paths")                                                   \
+    X(PHOTONS, photons, "photons")                                                                           \
     X(SOBOL, sobol, "Sobol' points")
 
 #define X(NAME, name, words) MATERIAL_##NAME,

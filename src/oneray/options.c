@@ -92,7 +92,7 @@ static const Option table[] = {
     {"--normals", NULL, TECHNIQUE(normals), .unasked = NORMALS_VISIBLE, OF(NORMALS),
         .help = "of a rough surface's microfacets, with --hemisphere cosine"},
     {"--light-choice", NULL, TECHNIQUE(light_choice), .unasked = LIGHT_CHOICE_CONTRIBUTION, OF(LIGHT_CHOICES),
-        .estimators = WITH(NEE) | WITH(MIS) | WITH(LIGHT) | WITH(BIDIRECTIONAL),
+        .estimators = WITH(NEE) | WITH(MIS) | WITH(LIGHT) | WITH(BIDIRECTIONAL) | WITH(PHOTONS),
         .help = "one of N lights, divided by its probability (L4)"},
     {"--light-points", NULL, TECHNIQUE(light_points), .unasked = LIGHT_POINTS_CONE, OF(POINTS_ON_LIGHTS),
         .estimators = WITH(NEE) | WITH(MIS) | WITH(BIDIRECTIONAL), .help = "where on the light"},
@@ -103,6 +103,11 @@ static const Option table[] = {
     {"--strategy", "S,T", STRATEGY, AT(technique.strategy),
         .help = "of --estimator bidirectional only this one, unweighted: S vertices from the light,\n"
                 "T from the eye"},
+    {"--radius", "METRES", REAL, AT(technique.radius), .high = 1e30, .estimators = WITH(PHOTONS),
+        .help = "of --estimator photons in the first sample, 0.01 of the scene's half diagonal*; it\n"
+                "shrinks from sample to sample"},
+    {"--photons", "N", WHOLE, AT(technique.photons), .least = 1, .most = MOST_PHOTONS, .estimators = WITH(PHOTONS),
+        .help = "of --estimator photons light paths in a sample; one for each pixel*"},
     {"--roulette", NULL, TECHNIQUE(roulette), .unasked = ROULETTE_SURVIVAL, OF(ROULETTES),
         .help = "how a path ends"},
     {"--fresnel", NULL, TECHNIQUE(fresnel), .unasked = FRESNEL_EXACT, OF(FRESNELS),
@@ -280,6 +285,12 @@ static void take(Options *o, const Option *option, const char *word)
 #define WORD_OF(name, word, help) word,
 static const char *const estimators[] = {ESTIMATORS(WORD_OF)};
 
+/* Without a ray to any: a light is chosen for what it sends out. */
+static bool starts_at_lights(const Technique *t)
+{
+    return t->estimator == ESTIMATOR_LIGHT || t->estimator == ESTIMATOR_PHOTONS;
+}
+
 /* Options of a technique that the estimator has no use for. What was not asked for is -1. */
 static void check_technique(const Technique *t, const Technique *asked)
 {
@@ -290,15 +301,19 @@ static void check_technique(const Technique *t, const Technique *asked)
     if (t->strategy[1] && !pairs)
         die("--strategy is one of --estimator bidirectional's: it does nothing with --estimator %s",
             estimators[t->estimator]);
+    if ((t->radius > 0 || t->photons) && t->estimator != ESTIMATOR_PHOTONS)
+        die("%s is one of --estimator photons': it does nothing with --estimator %s",
+            t->radius > 0 ? "--radius" : "--photons", estimators[t->estimator]);
     if (pairs && asked->light_choice == LIGHT_CHOICE_LEARNED)
         die("--estimator bidirectional: --light-choice learned is not supported (uniform, power, contribution)");
     if (t->estimator == ESTIMATOR_WALK && (asked->light_choice >= 0 || asked->light_points >= 0))
         die("--estimator walk sends no ray to a light: %s does nothing there",
             asked->light_choice >= 0 ? "--light-choice" : "--light-points");
-    if (t->estimator == ESTIMATOR_LIGHT && asked->light_points >= 0)
-        die("--estimator light starts anywhere on a light: --light-points does nothing there");
-    if (t->estimator == ESTIMATOR_LIGHT && asked->light_choice >= LIGHT_CHOICE_CONTRIBUTION)
-        die("--estimator light chooses a light before it knows where it shines: --light-choice uniform or power");
+    if (starts_at_lights(t) && asked->light_points >= 0)
+        die("--estimator %s starts anywhere on a light: --light-points does nothing there", estimators[t->estimator]);
+    if (starts_at_lights(t) && asked->light_choice >= LIGHT_CHOICE_CONTRIBUTION)
+        die("--estimator %s chooses a light before it knows where it shines: --light-choice uniform or power",
+            estimators[t->estimator]);
     if (t->mis_pdf == MIS_PDF_SURVIVAL && t->roulette == ROULETTE_NONE)
         die("--mis-pdf survival: with --roulette none every path survives");
 }
@@ -439,7 +454,7 @@ Options options_read(int count, char **words)
     if (count)
         read_words(&o, words + 1);
     Technique asked = o.technique;
-    if (asked.estimator == ESTIMATOR_LIGHT && asked.light_choice < 0)
+    if (starts_at_lights(&asked) && asked.light_choice < 0)
         o.technique.light_choice = LIGHT_CHOICE_POWER;
     for (int i = 0; i < OPTIONS; i++)
         if (table[i].kind == CHOICE && *choice(&o.technique, &table[i]) < 0)
@@ -518,4 +533,12 @@ void options_technique(const Technique *t, char *text, int size)
         else if (table[i].kind == STRATEGY && t->strategy[1])
             used += snprintf(text + used, (size_t)(size - used), " %s %llu,%llu", table[i].name,
                 (unsigned long long)t->strategy[0], (unsigned long long)t->strategy[1]);
+    if (t->estimator == ESTIMATOR_PHOTONS && t->radius > 0) {
+        size_t used = strlen(text);
+        snprintf(text + used, (size_t)size - used, " --radius %.17g", t->radius);
+    }
+    if (t->estimator == ESTIMATOR_PHOTONS && t->photons) {
+        size_t used = strlen(text);
+        snprintf(text + used, (size_t)size - used, " --photons %llu", (unsigned long long)t->photons);
+    }
 }

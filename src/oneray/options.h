@@ -10,6 +10,7 @@
 
 enum { MAX_PARAMETERS = 64 };
 #define MOST_SAMPLES ((uint64_t)1 << 48) /* per pixel */
+#define MOST_PHOTONS ((uint64_t)1 << 28) /* light paths of a sample */
 
 typedef struct {
     const char *scene, *output, *png, *film, *stats, *sensor,

@@ -17,6 +17,7 @@ enum {
     FIRST_LOOK = 16,       /* samples per pixel from which on an error is believed */
     BLACK_SAMPLES = 1024   /* and an image is black */
 };
+#define RADIUS_OF_SCENE 0.01 /* T2 over half of its diagonal */
 #define FAR_KNOWN_AFTER 2.0 /* seconds, after which it is said that an error is further away than … */
 #define FAR_HOURS 0.25
 
@@ -89,7 +90,7 @@ static int bad_vertex(const Render *r, size_t pixel, uint64_t sample)
         Counters counters = {0, 0, -1, -1};
         cut.max_depth = next;
         void *prepared = r->kernel->prepare(&cut, &r->options->technique);
-        Job job = {r->options->seed, sample, pixel, 1, 1, radiance, NULL};
+        Job job = {r->options->seed, sample, pixel, 1, 1, radiance, NULL, NULL, NULL};
         r->kernel->render(prepared, &job, &counters, 1);
         r->kernel->release(prepared);
         *(film_reduce(radiance, 0, node) < 0 ? &good : &bad) = next;
@@ -147,7 +148,7 @@ static void render_block(Render *r, uint64_t first, int level)
     for (size_t pixel = 0, count; pixel < pixels && !interrupted(); pixel += count) {
         count = pixels - pixel < at_once ? pixels - pixel : at_once;
         size_t place = place_in_image(&r->film.window, pixel, &count);
-        run(r, (Job){0, first, place, samples, count, radiance, NULL});
+        run(r, (Job){0, first, place, samples, count, radiance, NULL, NULL, NULL});
         for (size_t i = 0; i < count; i++) {
             int64_t bad = film_reduce(radiance + 3 * i * samples, level, nodes);
             memcpy(layer.pixels + 6 * (pixel + i), nodes[0], sizeof nodes[0]);
@@ -209,6 +210,36 @@ static void gather_splats(const Splats *splats, size_t paths, const Sensor *sens
     free(next);
 }
 
+/* T2 m. */
+static double first_radius(const Render *r)
+{
+    double low[3], high[3], square = 0;
+    if (r->options->technique.radius > 0)
+        return r->options->technique.radius;
+    scene_bounds(r->scene, low, high);
+    for (int axis = 0; axis < 3; axis++)
+        square += (high[axis] - low[axis]) * (high[axis] - low[axis]) / 4;
+    return RADIUS_OF_SCENE * sqrt(square);
+}
+
+/* T2 The photons of a pass. Its light paths are those of the whole image, whatever the window. */
+static PhotonMap trace_photons(Render *r, uint64_t sample)
+{
+    const Window *w = &r->film.window;
+    uint64_t paths = r->options->technique.photons;
+    Photons photons = {NULL, 0, 0};
+    if (!paths)
+        paths = (uint64_t)w->image_width * (uint64_t)w->image_height;
+    for (uint64_t path = 0; path < paths && !interrupted(); path += JOB_SAMPLES) {
+        size_t count = paths - path < JOB_SAMPLES ? (size_t)(paths - path) : JOB_SAMPLES, before = photons.count;
+        run(r, (Job){0, sample, PHOTON_PATHS + path, 1, count, NULL, NULL, &photons, NULL});
+        photons_in_order(&photons, before, count);
+    }
+    PhotonMap map = photon_map(&photons, paths, photon_radius(first_radius(r), sample + 1));
+    free(photons.list);
+    return map;
+}
+
 /* L17 One more pass of light tracing: a light path and a camera ray for each pixel, the ray for the light that
    the eye sees itself (L12). What falls on a pixel in one pass is one sample of it. Light paths are those of the
    whole image, whatever the window. T1 of bidirectional paths too, which are both at once. */
@@ -218,17 +249,22 @@ static void render_pass(Render *r, uint64_t sample)
     size_t pixels = film_pixels(&r->film), all = (size_t)w->image_width * (size_t)w->image_height;
     Layer layer = {0, sample, allocate(pixels, 6 * sizeof(double))};
     bool pairs = r->options->technique.estimator == ESTIMATOR_BIDIRECTIONAL;
+    bool gathers = r->options->technique.estimator == ESTIMATOR_PHOTONS;
+    PhotonMap map = {0};
+    if (gathers)
+        map = trace_photons(r, sample);
     double *radiance = allocate(all, 3 * sizeof *radiance), *own = allocate(pairs ? all : 0, 3 * sizeof *own);
     for (size_t pixel = 0, count; pixel < pixels && !pairs && !interrupted(); pixel += count) {
         count = pixels - pixel < JOB_SAMPLES ? pixels - pixel : JOB_SAMPLES;
         size_t place = place_in_image(w, pixel, &count);
-        run(r, (Job){0, sample, place, 1, count, radiance + 3 * place, NULL});
+        run(r, (Job){0, sample, place, 1, count, radiance + 3 * place, NULL, NULL, &map});
     }
+    photon_map_free(&map);
     Splats splats = {NULL, 0, 0};
-    for (size_t pixel = 0; pixel < all && !interrupted(); pixel += JOB_SAMPLES) {
+    for (size_t pixel = 0; pixel < all && !gathers && !interrupted(); pixel += JOB_SAMPLES) {
         size_t count = all - pixel < JOB_SAMPLES ? all - pixel : JOB_SAMPLES;
         splats.count = 0;
-        run(r, (Job){0, sample, pixel, 1, count, pairs ? own + 3 * pixel : NULL, &splats});
+        run(r, (Job){0, sample, pixel, 1, count, pairs ? own + 3 * pixel : NULL, &splats, NULL, NULL});
         gather_splats(&splats, count, &r->scene->sensor, radiance);
     }
     free(splats.list);

@@ -11,7 +11,9 @@
     X(ESTIMATOR_MIS, "mis", "L13 both, weighed by multiple importance sampling")                             \
     X(ESTIMATOR_LIGHT, "light", "L17 light tracing: paths from the lights, each vertex joined to the eye")     \
     X(ESTIMATOR_BIDIRECTIONAL, "bidirectional",                                                              \
-        "T1 both ways at once: each vertex of a path from a light joined to each from the eye")
+        "T1 both ways at once: each vertex of a path from a light joined to each from the eye")              \
+    X(ESTIMATOR_PHOTONS, "photons",                                                                          \
+        "T2 photon map: light is gathered where paths from the lights came; consistent, not unbiased")
 
 #define HEMISPHERES(X)                                                                                       \
     X(HEMISPHERE_UNIFORM, "uniform", "L8 uniform, scaled by 2 pi")                                           \
@@ -71,6 +73,8 @@ enum { SAMPLERS(NAME) };
 /* A value of each list. */
 typedef struct {
     int estimator, hemisphere, normals, light_choice, light_points, mis, mis_pdf, roulette, fresnel, sampler;
+    double radius;        /* of photons in the first pass, m; 0: of the scene's size */
+    uint64_t photons;     /* light paths of a pass; 0: one for each pixel of the image */
     uint64_t strategy[2]; /* of bidirectional paths the one that is rendered, unweighted: vertices from the light and from the
                              eye; {0, 0}: all */
 } Technique;

@@ -144,13 +144,6 @@ INLINE Real share_of(const Pair *pair, int s, int t, const Joined *joined, Featu
     return pair->scene->strategy[1] ? real(1) : weight_of(pair, s, t, joined, f);
 }
 
-/* For the adjoint: materials do not compress flux. */
-INLINE Features as_flux(Features f)
-{
-    f.use |= USE_LIGHT_PATHS;
-    return f;
-}
-
 STAGE Evaluation evaluate_at(const Scene *scene, const Surface *s, Vec wi, Real cosine, Features f)
 {
     return evaluate_material(&scene->materials, s, wi, cosine, f);
@@ -316,7 +309,7 @@ STAGE void light_subpath_step(Pair *pair, int n, const size_t items[], Splats *s
             nee_over_start(&scene->emitters, i, inverse_choice, inverse_pdf_w, hit.t * hit.t, leaving, f);
     }
     if (f.has & HAS_SMOOTH)
-        path->flux = light_scale(path->flux, select(s.cos_face > real(0), s.cos_o / s.cos_face, real(0)));
+        path->flux = light_scale(path->flux, arriving_flux(&s));
     if (!(f.has & BRIGHT_WHERE_BLACK))
         path->alive &= light_max(s.reflectance) > real(0);
     *y = (LightVertex){s, light_mul(path->flux, path->throughput), and_not(path->alive, s.delta), light->p_own, light->p_before,

@@ -52,6 +52,15 @@ INLINE Real face_over_shading(const Surface *s, Vec w)
     return select(cosine > real(0), real_abs(vec_dot(s->face, w)) / cosine, real(0));
 }
 
+INLINE Real arriving_flux(const Surface *s) { return select(s->cos_face > real(0), s->cos_o / s->cos_face, real(0)); }
+
+/* For the adjoint: materials do not compress flux. */
+INLINE Features as_flux(Features f)
+{
+    f.use |= USE_LIGHT_PATHS;
+    return f;
+}
+
 /* The vertex joined to the eye, of a lens to a point of it: Φ f_r cosθ V / (d² cos³θ_eye A_film). */
 INLINE void join_eye(Path *path, const Scene *scene, const Surface *s, Mask active, const Real lens[2],
     const size_t items[], Splats *splats, Features f)
@@ -84,10 +93,8 @@ STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[],
     path->alive = goes_on(path, scene, hit);
     if (!any(path->alive))
         return;
-    if (f.has & HAS_SMOOTH) {
-        Real arriving = select(surface.cos_face > real(0), surface.cos_o / surface.cos_face, real(0));
-        path->flux = light_scale(path->flux, arriving);
-    }
+    if (f.has & HAS_SMOOTH)
+        path->flux = light_scale(path->flux, arriving_flux(&surface));
     Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
     join_eye(path, scene, &surface, and_not(path->alive, surface.delta), random.u, items, splats, f);
     bounce(path, scene, &surface, choice.u + 2, random.u + 2, f);

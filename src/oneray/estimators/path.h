@@ -34,7 +34,8 @@ typedef struct {
 } Start;
 
 /* Are camera rays traced before paths take them, all lanes together? */
-#define AHEAD(f) (PACKETS && ((f).has & HAS_MESH) && !((f).use & USE_LIGHT_PATHS))
+#define FROM_LIGHTS (USE_LIGHT_PATHS | USE_PHOTONS)
+#define AHEAD(f) (PACKETS && ((f).has & HAS_MESH) && !((f).use & FROM_LIGHTS))
 
 /* P6 Where on the film the sample is, from the pixel's corner on: u[0], u[1]. */
 STAGE Uniforms film_point(const Rng *rng, const Scene *scene, Real pixel_x, Real pixel_y, Features f)

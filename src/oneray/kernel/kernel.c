@@ -50,7 +50,7 @@ static void take_lesson(Scene *scene, size_t samples)
     double *radiance = allocate(row * samples, 3 * sizeof *radiance);
     Counters counters = {0, 0, -1, -1};
     for (size_t pixel = 0; pixel < pixels; pixel += row) {
-        Job job = {LESSON_SEED, 0, pixel, samples, row, radiance, NULL};
+        Job job = {LESSON_SEED, 0, pixel, samples, row, radiance, NULL, NULL, NULL};
         render_generic(scene, &job, &counters);
     }
     free(radiance);

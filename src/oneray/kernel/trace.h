@@ -3,6 +3,7 @@
 
 #include "kernel/kernel.h"
 #include "estimators/bidirectional.h"
+#include "estimators/photons.h"
 
 /* The samples of a job, in order, W at a time: their camera rays are made together, then given out lane by
    lane as paths end. */
@@ -32,7 +33,7 @@ STAGE void make_starts(Queue *queue, const Scene *scene, const Job *job, Feature
             queue->y++;
         }
     }
-    if ((f.use & USE_LIGHT_PATHS) && job->splats)
+    if ((f.use & FROM_LIGHTS) && (job->splats || job->photons))
         start_at_light(&queue->start, scene, f);
     else
         start_at(&queue->start, scene, x, y, f);
@@ -81,7 +82,7 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
             LANE(path->first_hit.t, lane) = LANE(start->hit.t, used);
             LANE(path->first_hit.slot, lane) = LANE(start->hit.slot, used);
         }
-        if (f.use & USE_LIGHT_PATHS) {
+        if (f.use & FROM_LIGHTS) {
             X(flux.r) X(flux.g) X(flux.b)
         }
 #undef X
@@ -94,7 +95,7 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
 /* Puts away the radiance of each lane whose path has ended; light paths have none. */
 INLINE void collect(const Path *path, const Queue *queue, const Job *job, Mask *busy)
 {
-    unsigned ended = job->splats ? 0 : mask_bits(and_not(*busy, path->alive));
+    unsigned ended = job->splats || job->photons ? 0 : mask_bits(and_not(*busy, path->alive));
     for (; ended; ended &= ended - 1) {
         int lane = lowest_lane(ended);
         light_lane(&path->radiance, lane, job->radiance + 3 * queue->item[lane]);
@@ -136,6 +137,10 @@ INLINE void trace_paths(const Scene *scene, const Job *job, Counters *counters, 
             break;
         if ((f.use & USE_LIGHT_PATHS) && job->splats)
             light_path_step(&path, scene, queue.item, job->splats, f);
+        else if ((f.use & USE_PHOTONS) && job->photons)
+            photon_step(&path, scene, queue.item, job->photons, as_flux(f));
+        else if (f.use & USE_PHOTONS)
+            gather_step(&path, scene, job->map, f);
         else
             path_step(&path, scene, f);
         Mask endless = path.alive & (path.depth + 1 >= index_of(PATH_LIMIT));
