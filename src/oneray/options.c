@@ -106,7 +106,8 @@ static const Option table[] = {
     {"--radius", "METRES", REAL, AT(technique.radius), .high = 1e30, .estimators = WITH(PHOTONS),
         .help = "of --estimator photons in the first sample, 0.01 of the scene's half diagonal*; it\n"
                 "shrinks from sample to sample"},
-    {"--photons", "N", WHOLE, AT(technique.photons), .least = 1, .most = MOST_PHOTONS, .estimators = WITH(PHOTONS),
+    {"--photons", "N", WHOLE, AT(technique.photons), .least = 1, .most = MOST_PHOTONS,
+        .estimators = WITH(PHOTONS),
         .help = "of --estimator photons light paths in a sample; one for each pixel*"},
     {"--roulette", NULL, TECHNIQUE(roulette), .unasked = ROULETTE_SURVIVAL, OF(ROULETTES),
         .help = "how a path ends"},
@@ -310,7 +311,8 @@ static void check_technique(const Technique *t, const Technique *asked)
         die("--estimator walk sends no ray to a light: %s does nothing there",
             asked->light_choice >= 0 ? "--light-choice" : "--light-points");
     if (starts_at_lights(t) && asked->light_points >= 0)
-        die("--estimator %s starts anywhere on a light: --light-points does nothing there", estimators[t->estimator]);
+        die("--estimator %s starts anywhere on a light: --light-points does nothing there",
+            estimators[t->estimator]);
     if (starts_at_lights(t) && asked->light_choice >= LIGHT_CHOICE_CONTRIBUTION)
         die("--estimator %s chooses a light before it knows where it shines: --light-choice uniform or power",
             estimators[t->estimator]);

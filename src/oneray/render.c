@@ -231,7 +231,8 @@ static PhotonMap trace_photons(Render *r, uint64_t sample)
     if (!paths)
         paths = (uint64_t)w->image_width * (uint64_t)w->image_height;
     for (uint64_t path = 0; path < paths && !interrupted(); path += JOB_SAMPLES) {
-        size_t count = paths - path < JOB_SAMPLES ? (size_t)(paths - path) : JOB_SAMPLES, before = photons.count;
+        size_t count = paths - path < JOB_SAMPLES ? (size_t)(paths - path) : JOB_SAMPLES,
+               before = photons.count;
         run(r, (Job){0, sample, PHOTON_PATHS + path, 1, count, NULL, NULL, &photons, NULL});
         photons_in_order(&photons, before, count);
     }

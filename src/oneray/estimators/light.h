@@ -52,7 +52,10 @@ INLINE Real face_over_shading(const Surface *s, Vec w)
     return select(cosine > real(0), real_abs(vec_dot(s->face, w)) / cosine, real(0));
 }
 
-INLINE Real arriving_flux(const Surface *s) { return select(s->cos_face > real(0), s->cos_o / s->cos_face, real(0)); }
+INLINE Real arriving_flux(const Surface *s)
+{
+    return select(s->cos_face > real(0), s->cos_o / s->cos_face, real(0));
+}
 
 /* For the adjoint: materials do not compress flux. */
 INLINE Features as_flux(Features f)

@@ -16,7 +16,8 @@
 #define LEAST_COSINE .8 /* of the angle between the normals, on either side */
 #define MOST_ALONG .2   /* of the radius, along the normal */
 
-INLINE void keep_photons(Photons *photons, const Path *path, const Surface *s, const size_t items[], Mask active)
+INLINE void keep_photons(
+    Photons *photons, const Path *path, const Surface *s, const size_t items[], Mask active)
 {
     Light flux = light_mul(path->flux, path->throughput);
     for (unsigned left = mask_bits(active); left; left &= left - 1) {
@@ -76,23 +77,28 @@ typedef struct {
 
 static void search_from(Search *search, const PhotonMap *map, const Surface *s, int lane, Int most_edges)
 {
-    *search = (Search){
-        .p = {(double)LANE(s->p.x, lane), (double)LANE(s->p.y, lane), (double)LANE(s->p.z, lane)},
-        .normal = {(double)LANE(s->face.x, lane), (double)LANE(s->face.y, lane), (double)LANE(s->face.z, lane)},
-        .most_edges = (uint32_t)most_edges};
+    *search =
+        (Search){.p = {(double)LANE(s->p.x, lane), (double)LANE(s->p.y, lane), (double)LANE(s->p.z, lane)},
+            .normal = {(double)LANE(s->face.x, lane), (double)LANE(s->face.y, lane),
+                (double)LANE(s->face.z, lane)},
+            .most_edges = (uint32_t)most_edges};
     search->left = photon_cells(map, search->p, search->cells);
 }
 
 static bool lies_on(const Photon *photon, const Search *search, double radius)
 {
-    double square = 0, along = 0, cosine = 0;
+    double apart[3], square = 0, along = 0, cosine = 0;
     for (int axis = 0; axis < 3; axis++) {
-        double apart = photon->p[axis] - search->p[axis];
-        square += apart * apart;
-        along += apart * search->normal[axis];
+        apart[axis] = photon->p[axis] - search->p[axis];
+        square += apart[axis] * apart[axis];
+    }
+    if (square > radius * radius)
+        return false;
+    for (int axis = 0; axis < 3; axis++) {
+        along += apart[axis] * search->normal[axis];
         cosine += (double)photon->normal[axis] * search->normal[axis];
     }
-    return square <= radius * radius && fabs(along) <= MOST_ALONG * radius && fabs(cosine) >= LEAST_COSINE;
+    return fabs(along) <= MOST_ALONG * radius && fabs(cosine) >= LEAST_COSINE;
 }
 
 /* NULL: there are no more. */
@@ -113,7 +119,8 @@ static const Photon *next_photon(Search *search, const PhotonMap *map)
 }
 
 /* Σ f_r ΔΦ / (N π r²), W·sr⁻¹·m⁻². */
-STAGE Light gather_photons(const PhotonMap *map, const Scene *scene, const Surface *s, Mask active, Index most_edges, Features f)
+STAGE Light gather_photons(
+    const PhotonMap *map, const Scene *scene, const Surface *s, Mask active, Index most_edges, Features f)
 {
     Light sum = light_all(real(0));
     Search search[LANES];
@@ -172,7 +179,8 @@ STAGE void gather_step(Path *path, const Scene *scene, const PhotonMap *map, Fea
     if (any(gathers)) {
         Index most = index_of(scene->max_depth) - (path->depth + 1);
         Light light = gather_photons(map, scene, &surface, gathers, most, f);
-        path->radiance = light_add(path->radiance, light_only(gathers, light_mul(path_weight(path, f), light)));
+        path->radiance =
+            light_add(path->radiance, light_only(gathers, light_mul(path_weight(path, f), light)));
     }
     path->alive &= has_delta(&scene->materials, &surface, f);
     if (!any(path->alive))

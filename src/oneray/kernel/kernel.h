@@ -16,7 +16,7 @@ typedef struct {
     double *radiance;
     Splats *splats; /* not NULL: light paths instead, one for each pixel's sample; they go here, radiance stays
                        as it is. Of bidirectional paths both: what falls on any pixel goes here, on its own to radiance */
-    Photons *photons;     /* not NULL: light paths of a photon map's pass instead, which leave theirs here */
+    Photons *photons; /* not NULL: light paths of a photon map's pass instead, which leave theirs here */
     const PhotonMap *map; /* that the eye's paths gather from */
 } Job;
 

@@ -46,7 +46,8 @@ static uint32_t hash_of(const PhotonMap *map, int64_t x, int64_t y, int64_t z)
 
 static uint32_t cell_of(const PhotonMap *map, const double p[3])
 {
-    return hash_of(map, (int64_t)floor(p[0] / map->cell), (int64_t)floor(p[1] / map->cell), (int64_t)floor(p[2] / map->cell));
+    return hash_of(map, (int64_t)floor(p[0] / map->cell), (int64_t)floor(p[1] / map->cell),
+        (int64_t)floor(p[2] / map->cell));
 }
 
 int photon_cells(const PhotonMap *map, const double p[3], uint32_t found[8])
@@ -56,7 +57,8 @@ int photon_cells(const PhotonMap *map, const double p[3], uint32_t found[8])
     for (int axis = 0; axis < 3; axis++) /* the ball reaches this cell and the next */
         low[axis] = (int64_t)floor(p[axis] / map->cell - .5);
     for (int corner = 0; corner < 8; corner++) {
-        uint32_t cell = hash_of(map, low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2));
+        uint32_t cell =
+            hash_of(map, low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2));
         bool there = false;
         for (int i = 0; i < count; i++)
             there = there || found[i] == cell;
