@@ -173,6 +173,14 @@ OVER_COLUMNS(numbers)
         put(b, k, out.u[k]);
 }
 
+/* ---- resampled.h: (u, which of four numbers, i, M) to the number of candidate i; lanes share all but u. */
+OVER_COLUMNS(candidate_number)
+{
+    const double *in = b->in + b->at;
+    (void)scene;
+    put(b, 0, turn_by(get(b, 0), step_of((int)in[b->n], (int)in[2 * b->n], (int)in[3 * b->n])));
+}
+
 /* ---- Fresnel: (cosine, ratio) to (cosine beyond, transmittances: exact, Schlick); (cosine, η, k) to the conductor's. */
 OVER_COLUMNS(dielectric)
 {

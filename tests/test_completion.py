@@ -50,7 +50,7 @@ def completed(line: str, folder: Path) -> list[str]:
         ("raycheck report --against m", ["mitsuba"]),
         ("oneray --estimator ", ["walk", "nee", "mis", "light", "bidirectional"]),
         ("oneray --estimator = w", ["walk"]),
-        ("oneray --light-choice =", ["uniform", "power", "contribution", "learned"]),
+        ("oneray --light-choice =", ["uniform", "power", "contribution", "learned", "resampled"]),
         ("oneray a.xml --checkpoint-s", ["--checkpoint-seconds"]),
         ("oneray a.xml --show --qui", ["--quiet"]),
         ("oneray mer", ["merge"]),

@@ -84,20 +84,20 @@ def kinds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-OF_ESTIMATORS = {
+BESIDE = {
     m.name: m
-    for name in ("bidirectional", "photons")
-    for m in mutants.catalogue(ROOT / f"tests/mutants_{name}")
+    for folder in ("mutants_bidirectional", "mutants_resampled", "mutants_photons")
+    for m in mutants.catalogue(ROOT / "tests" / folder)
 }
 
 
 @pytest.mark.sample(30)
-@pytest.mark.parametrize("name", [*CATALOGUE, *OF_ESTIMATORS])
+@pytest.mark.parametrize("name", [*CATALOGUE, *BESIDE])
 def test_every_patch_compiles(tmp_path: Path, kinds: Path, name: str) -> None:
     """What changes around it, as the arguments of a function that it calls, may leave a patch that applies
     and is no program any more.
     """
-    mutant = (CATALOGUE | OF_ESTIMATORS)[name]
+    mutant = (CATALOGUE | BESIDE)[name]
     shutil.copytree(ROOT / "src/oneray", tmp_path / "src/oneray")
     touched = mutants.apply(mutant, tmp_path)
     files = {path for path in touched if path.endswith(".c")}

@@ -23,11 +23,11 @@ LINES = {
 
 WAYS = (
     "--estimator walk", "--estimator nee", "", "--hemisphere uniform", "--mis-pdf survival",
-    "--estimator light", "--estimator bidirectional",
+    "--estimator light", "--estimator bidirectional", "--light-choice resampled",
 )  # fmt: skip
 LIGHT_WAYS = (
     "--estimator nee", "", "--light-choice learned", "--light-choice uniform", "--estimator light",
-    "--estimator bidirectional",
+    "--estimator bidirectional", "--light-choice resampled",
 )  # fmt: skip
 REFLECTANCE, TRANSMITTANCE = np.array([0.5, 0.3, 0.0]), np.array([0.3, 0.5, 0.6])
 SHEET = f"""<bsdf type="transmitter"><rgb name="reflectance" value="{", ".join(map(str, REFLECTANCE))}"/>

@@ -294,6 +294,19 @@ def test_on_a_phone_nothing_is_cut_off(page: Page) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
 
 
+def test_plots_that_are_still_as_wide_as_before_do_not_widen_a_phone(
+    made: tuple[Path, str], browser: Browser
+) -> None:
+    """Between a change of the window's size and the drawing anew they are; here it never comes."""
+    with closing(browser.new_page(viewport={"width": 1200, "height": 900})) as one:
+        one.add_init_script("addEventListener('resize', (e) => e.stopImmediatePropagation())")
+        one.goto(made[0].as_uri())
+        one.set_viewport_size({"width": 360, "height": 740})
+        widths = "[...document.querySelectorAll('.plot canvas')].map((c) => c.clientWidth)"
+        assert max(one.evaluate(widths)) > 360
+        assert one.evaluate("document.documentElement.scrollWidth") <= 360
+
+
 def test_printing_leaves_the_controls_out(page: Page) -> None:
     page.emulate_media(media="print")
     assert page.locator(".controls:visible").count() == 0

@@ -25,6 +25,7 @@ TECHNIQUES = {
     "bidirectional": ["--estimator", "bidirectional"],
     "joined": ["--estimator", "bidirectional", "--strategy", "2,2", "--mis", "balance"],
     "sobol": ["--sampler", "sobol"],
+    "resampled": ["--light-choice", "resampled", "--candidates", "3"],
 }
 
 

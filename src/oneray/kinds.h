@@ -99,6 +99,7 @@
     X(SURVIVAL_PDF, survival_pdf, "survival in the pdf of MIS")                                              \
     X(CONTRIBUTION, contribution, "light choice by contribution")                                            \
     X(LEARNED, learned, "learned light choice")                                                              \
+    X(RESAMPLED, resampled, "resampled light samples")                                                       \
     X(FACING, facing, "facing half of sphere lights")                                                        \
     X(CONE, cone, "cone of sphere lights")                                                                   \
     X(SOLID_ANGLE, solid_angle, "solid angle of rectangle lights")                                           \

@@ -94,6 +94,8 @@ static const Option table[] = {
     {"--light-choice", NULL, TECHNIQUE(light_choice), .unasked = LIGHT_CHOICE_CONTRIBUTION, OF(LIGHT_CHOICES),
         .estimators = WITH(NEE) | WITH(MIS) | WITH(LIGHT) | WITH(BIDIRECTIONAL) | WITH(PHOTONS),
         .help = "one of N lights, divided by its probability (L4)"},
+    {"--candidates", "M", WHOLE, AT(technique.candidates), .least = 1, .most = MOST_CANDIDATES,
+        .help = "4*; of --light-choice resampled, from 1 to 64: samples to one visibility ray"},
     {"--light-points", NULL, TECHNIQUE(light_points), .unasked = LIGHT_POINTS_CONE, OF(POINTS_ON_LIGHTS),
         .estimators = WITH(NEE) | WITH(MIS) | WITH(BIDIRECTIONAL), .help = "where on the light"},
     {"--mis", NULL, TECHNIQUE(mis), .unasked = MIS_POWER, OF(MIS_HEURISTICS),
@@ -285,6 +287,7 @@ static void take(Options *o, const Option *option, const char *word)
 
 #define WORD_OF(name, word, help) word,
 static const char *const estimators[] = {ESTIMATORS(WORD_OF)};
+static const char *const light_choices[] = {LIGHT_CHOICES(WORD_OF)};
 
 /* Without a ray to any: a light is chosen for what it sends out. */
 static bool starts_at_lights(const Technique *t)
@@ -305,8 +308,12 @@ static void check_technique(const Technique *t, const Technique *asked)
     if ((t->radius > 0 || t->photons) && t->estimator != ESTIMATOR_PHOTONS)
         die("%s is one of --estimator photons': it does nothing with --estimator %s",
             t->radius > 0 ? "--radius" : "--photons", estimators[t->estimator]);
-    if (pairs && asked->light_choice == LIGHT_CHOICE_LEARNED)
-        die("--estimator bidirectional: --light-choice learned is not supported (uniform, power, contribution)");
+    if (pairs && asked->light_choice > LIGHT_CHOICE_CONTRIBUTION)
+        die("--estimator bidirectional: --light-choice %s is not supported (uniform, power, contribution)",
+            light_choices[asked->light_choice]);
+    if (asked->candidates && t->light_choice != LIGHT_CHOICE_RESAMPLED)
+        die("--candidates are those of --light-choice resampled: there are none with --light-choice %s",
+            light_choices[t->light_choice]);
     if (t->estimator == ESTIMATOR_WALK && (asked->light_choice >= 0 || asked->light_points >= 0))
         die("--estimator walk sends no ray to a light: %s does nothing there",
             asked->light_choice >= 0 ? "--light-choice" : "--light-points");
@@ -462,6 +469,8 @@ Options options_read(int count, char **words)
         if (table[i].kind == CHOICE && *choice(&o.technique, &table[i]) < 0)
             *choice(&o.technique, &table[i]) = table[i].unasked;
     check_given(&o, &asked);
+    if (!o.technique.candidates)
+        o.technique.candidates = FEW_CANDIDATES;
     if (o.preview && !o.size[0] && !o.size[1])
         o.size[0] = 256;
     if (o.preview && !o.spp && !o.sample_count && o.seconds <= 0)
@@ -529,18 +538,18 @@ void options_technique(const Technique *t, char *text, int size)
 {
     Technique technique = *t;
     for (int i = 0, used = 0; i < OPTIONS; i++)
-        if (table[i].kind == CHOICE && (!table[i].estimators || table[i].estimators >> t->estimator & 1))
+        if (table[i].at == AT(technique.candidates) && t->light_choice == LIGHT_CHOICE_RESAMPLED)
+            used += snprintf(text + used, (size_t)(size - used), " %s %llu", table[i].name,
+                (unsigned long long)t->candidates);
+        else if (table[i].at == AT(technique.radius) && t->radius > 0)
+            used += snprintf(text + used, (size_t)(size - used), " %s %.17g", table[i].name, t->radius);
+        else if (table[i].at == AT(technique.photons) && t->photons)
+            used += snprintf(text + used, (size_t)(size - used), " %s %llu", table[i].name,
+                (unsigned long long)t->photons);
+        else if (table[i].kind == CHOICE && (!table[i].estimators || table[i].estimators >> t->estimator & 1))
             used += snprintf(text + used, (size_t)(size - used), "%s%s %s", used ? " " : "", table[i].name,
                 table[i].values[*choice(&technique, &table[i])].word);
         else if (table[i].kind == STRATEGY && t->strategy[1])
             used += snprintf(text + used, (size_t)(size - used), " %s %llu,%llu", table[i].name,
                 (unsigned long long)t->strategy[0], (unsigned long long)t->strategy[1]);
-    if (t->estimator == ESTIMATOR_PHOTONS && t->radius > 0) {
-        size_t used = strlen(text);
-        snprintf(text + used, (size_t)size - used, " --radius %.17g", t->radius);
-    }
-    if (t->estimator == ESTIMATOR_PHOTONS && t->photons) {
-        size_t used = strlen(text);
-        snprintf(text + used, (size_t)size - used, " --photons %llu", (unsigned long long)t->photons);
-    }
 }

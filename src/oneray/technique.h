@@ -28,7 +28,8 @@
     X(LIGHT_CHOICE_POWER, "power", "L4 in proportion to the flux (the default with --estimator light)")      \
     X(LIGHT_CHOICE_CONTRIBUTION, "contribution",                                                             \
         "L6 by flux, distance and cosines; 0 where a light cannot contribute")                               \
-    X(LIGHT_CHOICE_LEARNED, "learned", "L18 that, and what a pre-pass saw of occlusion, L6 situation 2")
+    X(LIGHT_CHOICE_LEARNED, "learned", "L18 that, and what a pre-pass saw of occlusion, L6 situation 2")      \
+    X(LIGHT_CHOICE_RESAMPLED, "resampled", "T4 of several points so chosen one, by the light that it would bring")
 
 #define POINTS_ON_LIGHTS(X)                                                                                      \
     X(LIGHT_POINTS_AREA, "area", "L2, L3 uniform on its area")                                               \
@@ -77,7 +78,10 @@ typedef struct {
     uint64_t photons;     /* light paths of a pass; 0: one for each pixel of the image */
     uint64_t strategy[2]; /* of bidirectional paths the one that is rendered, unweighted: vertices from the light and from the
                              eye; {0, 0}: all */
+    uint64_t candidates; /* of LIGHT_CHOICE_RESAMPLED */
 } Technique;
+
+enum { FEW_CANDIDATES = 4, MOST_CANDIDATES = 64 }; /* without --candidates, and with it */
 
 /* A path that has come this far never ends: the scene is closed and absorbs nothing. An error, not a cut: where 1e-5
    is absorbed, one path in e^100 is that long. */

@@ -43,7 +43,8 @@ INLINE Light surface_emission_met(
     if (!any(shines))
         return light_all(real(0));
     Index i = met.i;
-    Real weight = weight_of_hit(path, inverse_pdf_w_light(path, scene, met.shines, i, hit.t, s->cos_face, f), f);
+    Real inverse_pdf_w = inverse_pdf_w_light(path, scene, met.shines, i, hit.t, s->cos_face, f);
+    Real weight = weight_of_hit(path, of_candidates(scene, inverse_pdf_w, f), f);
     if (f.has & HAS_STACKS) { /* in the place that the ray starts from it is met only so (is_itself) */
         Receiver at = last_receiver(path);
         weight = select(is_itself(emitters, i, &at, f), real(1), weight);
@@ -71,6 +72,7 @@ INLINE Light sky_met(const Path *path, const Scene *scene, Hit hit, Features f)
         Receiver at = last_receiver(path);
         inverse_pdf_w =
             inverse_choice_of(emitters, &at, and_not(missed, path->delta), index_of(emitters->sky), f) / pdf_w;
+        inverse_pdf_w = of_candidates(scene, inverse_pdf_w, f);
     }
     return light_only(missed, light_scale(radiance, weight_of_hit(path, inverse_pdf_w, f)));
 }

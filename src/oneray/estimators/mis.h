@@ -43,6 +43,12 @@ INLINE Real inverse_pdf_w_light(
            * inverse_choice_of(&scene->emitters, &at, and_not(hit, path->delta), i, f);
 }
 
+/* T4 The same for one of M candidates, which are M times as dense. */
+INLINE Real of_candidates(const Scene *scene, Real inverse_pdf_w, Features f)
+{
+    return f.use & USE_RESAMPLED ? inverse_pdf_w / real(scene->candidates) : inverse_pdf_w;
+}
+
 /* L13 The density of the walk's going on in a direction that the material evaluates so. That it survives may count
    as part of it, as in the lecture (`brdfPdf = EvaluateDiffuse(L,N) * Psurvive`), or not: the weights sum to 1 either
    way, as long as both sides use the same. */

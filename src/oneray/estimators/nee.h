@@ -1,20 +1,8 @@
 /* L10 Next event estimation. */
 #pragma once
 
-#include "estimators/mis.h"
+#include "estimators/resampled.h"
 #include "media/medium.h"
-
-/* Which lanes can receive light from a direction with this cosine: from the ray's side of the surface, or, of a finite
-   material that transmits, from both. */
-INLINE Mask can_receive(const Surface *s, Real cosine, Features f)
-{
-    (void)f;
-    return (cosine > real(0)) | s->both_sides;
-}
-INLINE Real received(Real cosine, Features f)
-{
-    return f.has & FINITE_TRANSMITTING ? real_abs(cosine) : cosine;
-}
 
 /* L3 V: does light come through from the ray's end, at most tmax away, and (in a medium) how much of it? */
 INLINE Mask comes_through(
@@ -34,6 +22,8 @@ STAGE void next_event(Path *path, const Scene *scene, const Surface *s, Mask act
 {
     Receiver at = {s->p, s->n, s->slot, s->both_sides};
     LightSample sample = sample_light(&scene->emitters, &at, choice, point, f);
+    if ((f.use & USE_RESAMPLED) && any(active))
+        sample = resampled_light(path, scene, s, &at, sample, choice, point, f);
     Real cosine = vec_dot(s->n, sample.wi);
     Evaluation surface = evaluate_material(&scene->materials, s, sample.wi, cosine, f);
     Light light = light_scale(light_mul(surface.f_r, sample.weight), received(cosine, f));

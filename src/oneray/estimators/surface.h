@@ -44,3 +44,15 @@ INLINE Surface surface_seen_from(const Materials *materials, const Surface *s, V
     }
     return seen;
 }
+
+/* Which lanes can receive light from a direction with this cosine: from the ray's side of the surface, or, of a finite
+   material that transmits, from both. */
+INLINE Mask can_receive(const Surface *s, Real cosine, Features f)
+{
+    (void)f;
+    return (cosine > real(0)) | s->both_sides;
+}
+INLINE Real received(Real cosine, Features f)
+{
+    return f.has & FINITE_TRANSMITTING ? real_abs(cosine) : cosine;
+}

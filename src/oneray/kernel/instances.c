@@ -19,6 +19,7 @@
     X(ball,  trace_paths, ROOM | HAS_SPHERE | HAS_SPHERE_LIGHT,            MIS | USE_CONE)                   \
     X(glass, trace_paths, ROOM | ROUND | HAS_CONDUCTOR | HAS_DIELECTRIC,   PANELS)                           \
     X(many,  trace_paths, ROOM | HAS_MANY_LIGHTS | HAS_TREE,               PANELS | USE_CONTRIBUTION)        \
+    X(resampled, trace_paths, ROOM | HAS_MANY_LIGHTS | HAS_TREE,           PANELS | USE_CONTRIBUTION | USE_RESAMPLED) \
     X(mesh,  trace_paths, ROOM | HAS_MESH | HAS_SMOOTH,                    PANELS)                           \
     X(walk,  trace_paths, ROOM | ROUND,                                    USE_COSINE | USE_ROULETTE)        \
     X(pairs, trace_pairs, ROOM,                                            PANELS | USE_BIDIRECTIONAL)       \

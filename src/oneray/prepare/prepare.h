@@ -88,6 +88,9 @@ static uint64_t uses_of_lights(const Technique *technique, Features features)
     }
     if ((has & HAS_MANY_LIGHTS) && technique->light_choice >= LIGHT_CHOICE_CONTRIBUTION)
         f |= USE_CONTRIBUTION | (technique->light_choice == LIGHT_CHOICE_LEARNED ? USE_LEARNED : 0);
+    if (technique->light_choice == LIGHT_CHOICE_RESAMPLED
+        && (has & (HAS_MANY_LIGHTS | HAS_AREA | HAS_ANY(SKIES))))
+        f |= USE_RESAMPLED; /* a point light alone is one candidate */
     if ((has & HAS_SPHERE_LIGHT) && technique->light_points == LIGHT_POINTS_FACING)
         f |= USE_FACING;
     if ((has & HAS_SPHERE_LIGHT) && technique->light_points == LIGHT_POINTS_CONE)
@@ -161,6 +164,7 @@ static void *prepare(const Description *d, const Technique *technique, Features 
     scene->height = d->sensor.frame.height;
     for (int i = 0; i < 2; i++)
         scene->strategy[i] = technique->strategy[i] > PATH_LIMIT ? PATH_LIMIT : (int)technique->strategy[i];
+    scene->candidates = (int)technique->candidates;
     if (features.has & HAS_FILTER)
         prepare_filter(scene, &d->sensor);
     free(first_slot);

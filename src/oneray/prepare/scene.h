@@ -14,7 +14,7 @@ typedef struct {
     FilterRow filter;
     Int max_depth, rr_depth;            /* max_depth of a scene without limit is PATH_LIMIT */
     int width, height;
-    int strategy[2]; /* Technique */
+    int strategy[2], candidates; /* Technique */
     Lesson *lesson; /* while the visibility of lights is being learned, else NULL */
     Features features;
     void **kept; /* every table above, to be freed */

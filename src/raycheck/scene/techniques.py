@@ -51,6 +51,8 @@ def _options(
     options = ["--estimator", estimator, "--hemisphere", hemisphere, "--normals", normals]
     if estimator != "walk":
         options += ["--light-choice", choice]
+    if choice == "resampled":
+        options += ["--candidates", "4"]
     if estimator in ("nee", "mis", "bidirectional"):
         options += ["--light-points", points]
     if estimator in ("mis", "bidirectional"):
@@ -63,6 +65,7 @@ def _options(
 _LIT = Need(lambda c: c.lights > 0, "there is no light")
 _MET = Need(lambda c: c.delta_lights == 0, "no random ray hits a point light, spot or sun")
 _MANY = Need(lambda c: c.has_choice, "there is only one light to choose")
+_CANDIDATES = Need(lambda c: c.has_choice or c.has_area_light, "a point light alone is one candidate")
 _WEIGHED = Need(lambda c: c.has_area_light, "no random ray hits a light, so there is nothing to weigh")
 _SPHERES = Need(lambda c: c.sphere_lights > 0, "there is no sphere light")
 _ANGULAR = Need(lambda c: c.sphere_lights + c.flat_lights > 0, "no light is a sphere or rectangle")
@@ -158,6 +161,11 @@ ON_REQUEST: tuple[Technique, ...] = (
         _TRACED),
     Technique("bidirectional-balance", _BOTH, _options("bidirectional", mis="balance"),
         "the same by the balance heuristic, one light by its power, a point uniform on its area", _TRACED),
+    Technique("nee-resampled", (*_NEE, "L5", "L6", "T4"), _options("nee", choice="resampled", points="cone"),
+        "one of four points on lights, chosen by contribution, by the light that it would bring",
+        (_LIT, _CANDIDATES)),
+    Technique("mis-resampled", (*_MIS, "L5", "L6", "T4"), _options("mis", choice="resampled", points="cone"),
+        "the same, weighed against the hemisphere by the density of the four", (_LIT, _CANDIDATES)),
 )  # fmt: skip
 """Those that are used where they are named: no run over all techniques takes them."""
 

@@ -163,7 +163,7 @@
         const say = (which, value) => spec.units?.[which] ? UNITS[spec.units[which]](value) : value.toPrecision(3);
         where.textContent = `${say("y", y)} at ${say("x", x)}`;
         told.replaceChildren(name, one.told ? `: ${one.told}` : "", where);
-        told.style.left = `${Math.min(left, u.over.clientWidth - 150)}px`;
+        told.style.left = `${Math.max(0, Math.min(left, u.over.clientWidth - told.offsetWidth))}px`;
         told.style.top = `${Math.max(top - 58, 0)}px`;
       }
       if ((one?.name ?? null) !== state.hover) { state.hover = one?.name ?? null; emphasize(); }
