@@ -6,10 +6,14 @@ Numbers come from the functions of the materials themselves (sampling.c). Seeds 
 
 from __future__ import annotations
 
+import resource
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 from floors import Sampled, above, evaluated, mitsubas, polar
-from sampling import Array, Driver, directions, uniforms
+from sampling import SCENE, Array, Driver, directions, uniforms
 
 ALPHAS = (0.05, 0.15, 0.5, 1.0)
 each_alpha = pytest.mark.parametrize("alpha", ALPHAS)
@@ -143,3 +147,15 @@ def test_a_rough_plastic_that_is_nearly_smooth_reflects_as_plastic_does(driver: 
     ratio = one / other
     np.testing.assert_allclose(ratio, np.median(ratio), rtol=2e-3)
     assert 0.97 < np.median(ratio) < 1  # the table's sum for light within is 1/64 of it short, as Mitsuba's
+
+
+def test_a_hundred_rough_plastics_are_read_at_once(oneray: Path, tmp_path: Path) -> None:
+    """In 0.2 s of a core: the sines of a table are taken once, and not for each of its entries."""
+    bsdfs = (KINDS["plastic"].format(0.1 + k / 200, "ggx") for k in range(100))
+    balls = "".join(f'<shape type="sphere">{bsdf}</shape>' for bsdf in bsdfs)
+    file = tmp_path / "many.xml"
+    file.write_text(SCENE.format(balls + '<emitter type="constant"/>'))
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([oneray, file, "--check"], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime - before.ru_utime < 2
