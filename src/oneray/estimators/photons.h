@@ -77,6 +77,7 @@ typedef struct {
 
 static void search_from(Search *search, const PhotonMap *map, const Surface *s, int lane, Int most_edges)
 {
+    (void)lane; /* of one lane */
     *search =
         (Search){.p = {(double)LANE(s->p.x, lane), (double)LANE(s->p.y, lane), (double)LANE(s->p.z, lane)},
             .normal = {(double)LANE(s->face.x, lane), (double)LANE(s->face.y, lane),
