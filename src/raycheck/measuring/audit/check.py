@@ -1,4 +1,4 @@
-"""What a check is: a smallest scene in a renderer's own language, and the value that its picture ought to have."""
+"""What a check is: a smallest scene in a renderer's own language, and what its picture ought to be."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ def colours(pictures: Array) -> Array:
 
 
 def columns(*which: int) -> Measure:
-    """The mean of the inner pixels of some columns, of one channel; those at the border see less of a filter."""
+    """The mean of the inner pixels of some columns; those at the border see less of a filter."""
     return lambda pictures: np.asarray(pictures[:, 2:-2, list(which), 1].mean(axis=1))
 
 

@@ -1,15 +1,15 @@
 """The closed forms of the audit: pure numbers, each with its derivation."""
 
 from functools import cache
-from math import atan, cos, exp, log, pi, sin, sqrt, tan
+from math import atan, cos, exp, pi, sin, sqrt, tan
 
 import numpy as np
 from scipy import integrate, special
 
 
 def square_above(side: float, height: float) -> float:
-    """Form factor from a small patch to a parallel square whose centre is straight above: irradiance over π for
-    radiance 1. Four times Lambert's formula for the rectangle above a corner.
+    """Form factor from a small patch to a parallel square whose centre is straight above: irradiance over π
+    for radiance 1. Four times Lambert's formula for the rectangle above a corner.
     """
     x = side / 2 / height
     return 4 / (2 * pi) * 2 * x / sqrt(1 + x * x) * atan(x / sqrt(1 + x * x))
@@ -38,15 +38,15 @@ def h_function(albedo: float, mu: float, order: int = 200) -> float:
 
 
 def half_space(albedo: float, mu: float = 1.0) -> float:
-    """Radiance of a half space that scatters isotropically, under a sky of 1, seen at cosine μ: 1 − √(1−ϖ) H(μ)."""
+    """Radiance of a half space of isotropic scattering under a sky of 1, at cosine μ: 1 − √(1−ϖ) H(μ)."""
     return 1 - sqrt(1 - albedo) * h_function(albedo, mu)
 
 
 def rough_mirror(alpha: float) -> float:
     """Share of the light that a white GGX mirror without multiple scattering sends back, seen straight on.
 
-    With the viewer on the normal, ∫ D(h) G₁(2θ) (h·n) dω over half vectors, the same for the separable and the
-    correlated G, since the viewer's own part is 1. For α = 1 it is 1 − ln 2.
+    With the viewer on the normal, ∫ D(h) G₁(2θ) (h·n) dω over half vectors, the same for the separable and
+    the correlated G, since the viewer's own part is 1. For α = 1 it is 1 − ln 2.
     """
 
     def integrand(theta: float) -> float:
@@ -59,8 +59,8 @@ def rough_mirror(alpha: float) -> float:
 
 
 def filtered_step(offset: float, deviation: float = 0.5, radius: float = 2.0) -> float:
-    """A pixel that a Gaussian, less its value at `radius`, filters, of a picture that is 1 up to `offset` right
-    of the pixel's centre and 0 beyond.
+    """A pixel that a Gaussian, less its value at `radius`, filters, of a picture that is 1 up to `offset`
+    right of the pixel's centre and 0 beyond.
     """
     tail = exp(-(radius**2) / (2 * deviation**2))
 
@@ -78,9 +78,17 @@ def filtered_step(offset: float, deviation: float = 0.5, radius: float = 2.0) ->
     return weight(offset) / weight_all
 
 
-def bounces(albedo: float, count: int) -> float:
-    """A closed room that glows with 1 − a, so that all of it is 1, with the light of `count` bounces alone."""
-    return float(1 - albedo ** (count + 1))
+def over_square(half: float, side: float = 1.0, height: float = 1.0) -> float:
+    """The mean of that form factor over a square of the floor, 2·half wide and centred below."""
 
+    def at(y: float, x: float) -> float:
+        def corner(a: float, b: float) -> float:
+            a, b = a / height, b / height
+            p, q = sqrt(1 + a * a), sqrt(1 + b * b)
+            return (a / p * atan(b / p) + b / q * atan(a / q)) / (2 * pi)
 
-WHITE_ROUGH = 1 - log(2)
+        s = side / 2
+        return corner(s - x, s - y) + corner(s + x, s - y) + corner(s - x, s + y) + corner(s + x, s + y)
+
+    whole = integrate.dblquad(at, -half, half, -half, half, epsabs=1e-12, epsrel=1e-10)[0]
+    return float(whole / (2 * half) ** 2)

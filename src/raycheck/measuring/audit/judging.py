@@ -25,7 +25,7 @@ class Verdict(StrEnum):
 
 
 def values(names: Sequence[str], expected: Sequence[float], batches: Array) -> list[Value]:
-    """Measured values of batches (B, V), B even, with their intervals; ValueError for a number that is none."""
+    """Measured values of batches (B, V), B even, with their intervals; ValueError for what is no number."""
     batches = np.asarray(batches, dtype=np.float64)
     truth = np.asarray(expected, dtype=np.float64)
     if batches.ndim != 2 or batches.shape[1] != len(names) or len(truth) != len(names):
@@ -52,5 +52,5 @@ def verdict(check: Check, found: Sequence[Value]) -> Verdict:
     """Of all values: one that deviates decides; health wants every interval within the check's bound."""
     if any(value.deviates for value in found):
         return Verdict.DOCUMENTED if check.documented else Verdict.FINDING
-    healthy = all(max(abs(x / value.expected - 1) for x in (value.low, value.high)) <= check.within for value in found)
-    return Verdict.HEALTH if healthy else Verdict.UNDECIDED
+    ends = [abs(x / value.expected - 1) for value in found for x in (value.low, value.high)]
+    return Verdict.HEALTH if max(ends) <= check.within else Verdict.UNDECIDED

@@ -1,16 +1,37 @@
-"""Mitsuba 3: the checks of its integrators, samplers, lights, materials and filters, by its scalar_rgb variant."""
+"""Scenes as Mitsuba's XML, which oneray reads too, and the checks of Mitsuba 3 by its scalar_rgb variant."""
+
+from math import radians, sqrt, tan
 
 from raycheck.measuring.audit import forms
 from raycheck.measuring.audit.check import Check, colours, columns
+from raycheck.measuring.audit.truths import (
+    BLEND,
+    BLENDED,
+    CLEAR_GLASS,
+    ENERGY,
+    FURNACE,
+    HALF_SPACE,
+    LAMP_ABOVE,
+    ROUGH_MIRROR,
+    SKY_ON_MATTE,
+    STEP,
+    STEPS,
+    SUN_BALL,
+    WITHIN,
+    one,
+)
 
-NONE_FOUND = "none found"
 
-
-def picture(sampler: str = "independent", scale: float = 0.1, height: float = 0.5, more: str = "") -> str:
-    """An orthographic camera that looks straight down on the origin; `more` goes to the film."""
+def picture(
+    sampler: str = "independent", scale: float = 0.1, height: float = 0.5, film: str = "", cosine: float = 1.0
+) -> str:
+    """An orthographic camera that looks at the origin, at this cosine; `film` is its filter."""
+    far = height * sqrt(1 - cosine**2)
+    look = f'<lookat origin="{far}, 0, {height * cosine}" target="0, 0, 0" up="0, 1, 0"/>'
+    size = '<integer name="width" value="8"/><integer name="height" value="8"/>'
     return f"""<sensor type="orthographic">
-    <transform name="to_world"><scale x="{scale}" y="{scale}"/><lookat origin="0, 0, {height}" target="0, 0, 0" up="0, 1, 0"/></transform>
-    <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/>{more or '<rfilter type="box"/>'}</film>
+    <transform name="to_world"><scale x="{scale}" y="{scale}"/>{look}</transform>
+    <film type="hdrfilm">{size}{film or '<rfilter type="box"/>'}</film>
     <sampler type="{sampler}"/>
 </sensor>
 """  # fmt: skip
@@ -53,7 +74,8 @@ LAMP = """<shape type="rectangle">
 def ball(distance: float, radius: float) -> str:
     """A lamp whose irradiance straight below is π."""
     glow = (distance / radius) ** 2
-    return f"""<shape type="sphere"><point name="center" x="0" y="0" z="{distance}"/><float name="radius" value="{radius}"/>
+    return f"""<shape type="sphere">
+    <point name="center" x="0" y="0" z="{distance}"/><float name="radius" value="{radius}"/>
     <emitter type="area"><rgb name="radiance" value="{glow!r}"/></emitter></shape>
 """  # fmt: skip
 
@@ -66,5 +88,211 @@ MEDIUM = """<shape type="cube">
     </medium>
 </shape>
 """
-FURNACE = "A closed room of albedo a that glows with 1 − a: L = 1 − a + a L, so L = 1 everywhere and in every direction."
-SAMPLERS = {"independent": (4, 16, 64), "stratified": (4, 16, 64), "multijitter": (4, 16, 64), "orthogonal": (4, 16, 64), "ldsampler": (4, 16, 64)}
+
+
+def mirror_and_matte(weight: float = 0.3) -> str:
+    """A blend of a matte surface and a mirror, which has this share."""
+    mirror = '<bsdf type="conductor"><string name="material" value="none"/></bsdf>'
+    share = f'<float name="weight" value="{weight}"/>'
+    return f'<bsdf type="blendbsdf">{share}{diffuse("0.2, 0.6, 0.9")}{mirror}</bsdf>'
+
+
+def rough_conductor(alpha: float) -> str:
+    said = '<string name="material" value="none"/><string name="distribution" value="ggx"/>'
+    return f'<bsdf type="roughconductor">{said}<float name="alpha" value="{alpha}"/></bsdf>'
+
+
+PRINCIPLED = (
+    '<bsdf type="principled"><rgb name="base_color" value="1"/><float name="roughness" value="0.5"/></bsdf>'
+)
+GLASS = '<bsdf type="dielectric"><float name="int_ior" value="1.5"/></bsdf>'
+GLASS_BALL = f'<shape type="sphere">{GLASS}</shape>\n'
+STEP_SCENE = (
+    '<shape type="rectangle"><transform name="to_world"><translate x="-0.99375"/></transform>'
+    '<emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>\n'
+)
+"""Light left of a straight edge, a quarter of a pixel right of the centre of the fifth column."""
+GAUSSIAN = '<rfilter type="gaussian"/>'
+
+
+def furnace(sampler: str = "independent", albedo: float = 0.5, kind: str = "cube", **settings: int) -> str:
+    return scene(integrator(**{"max_depth": -1, **settings}), picture(sampler), room(kind, albedo))
+
+
+SAMPLER_ACT = {
+    "stratified": (
+        "A permutation of the strata for each dimension is drawn from 24 (four samples) by a seed plus the "
+        "dimension's number, and every second 1-D dimension gets nearly the same: next_1d of dimensions 1 "
+        "and 3 "
+        "correlate by .92 over seeds. Roulette that survives once survives again, and its weights multiply. "
+        "With rr_depth beyond the path's end the furnace is right."
+    ),
+    "multijitter": (
+        "Permutations of few samples by neighbouring seeds are not independent from dimension to dimension; "
+        "with "
+        "four samples the roulette of successive bounces is correlated."
+    ),
+    "ldsampler": (
+        "next_1d of successive dimensions correlate by −.17 to .13 over seeds (four samples), so that the "
+        "roulette "
+        "of successive bounces does. With rr_depth beyond the path's end the furnace is right."
+    ),
+}  # fmt: skip
+NONE_FOUND = "none found in the project's issues"
+
+
+def _sampler(name: str, samples: int) -> Check:
+    return Check(
+        id=f"mitsuba-{name}-{samples}",
+        renderer="mitsuba",
+        says=f"path with the {name} sampler at {samples} samples, roulette from the fifth bounce, in a "
+        f"closed room",
+        scene=furnace(name),
+        samples=samples,
+        batches=16384 // samples if name == "independent" or samples > 4 else 2048,
+        expected=one,
+        why=FURNACE,
+        within=4e-3,
+        act=SAMPLER_ACT.get(name, ""),
+        report=NONE_FOUND,
+    )
+
+
+def _volume(kind: str, rr_depth: int, samples: int, within: float, says: str, **more: str) -> Check:
+    roulette = "roulette" if rr_depth < 100 else "no-roulette"
+    return Check(
+        id=f"mitsuba-{kind}-{roulette}",
+        renderer="mitsuba",
+        says=says,
+        scene=scene(integrator(kind, max_depth=-1, rr_depth=rr_depth), picture(scale=0.01), SKY, MEDIUM),
+        samples=samples,
+        expected=lambda: (forms.half_space(0.9),),
+        why=HALF_SPACE,
+        within=within,
+        **more,
+    )
+
+
+CHECKS = (
+    Check(
+        "mitsuba-matte", "mitsuba", "diffuse under a constant sky",
+        scene(integrator(), picture(), SKY, floor(diffuse("0.2, 0.6, 0.9"))), 4096,
+        lambda: (0.6,), SKY_ON_MATTE,
+    ),
+    *(_sampler(name, samples)
+      for name in ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+      for samples in (4, 16, 64)),
+    Check(
+        "mitsuba-stratified-no-roulette", "mitsuba",
+        "path with the stratified sampler at 4 samples and without roulette, in a closed room",
+        furnace("stratified", max_depth=24, rr_depth=1000), 4, one, FURNACE, batches=512, within=4e-3,
+    ),
+    Check(
+        "mitsuba-furnace-bright", "mitsuba", "path with roulette in a closed room of albedo 0.9",
+        furnace(albedo=0.9), 1024, one, FURNACE, within=1e-2,
+    ),
+    *(Check(
+        f"mitsuba-{kind}-lamp", "mitsuba", f"{kind}: a square lamp above a matte floor",
+        scene(integrator(kind), picture(scale=0.001), floor(diffuse()), LAMP), 1024,
+        lambda: (forms.square_above(1, 1) / 2,), LAMP_ABOVE,
+    ) for kind in ("path", "direct")),
+    Check(
+        "mitsuba-ptracer-lamp", "mitsuba", "ptracer: a square lamp above a matte floor",
+        scene(
+            integrator("ptracer", max_depth=2),
+            picture().replace("orthographic", "perspective").replace(
+                '<scale x="0.1" y="0.1"/>', "").replace("<film", '<float name="fov" value="8"/><film'),
+            floor(diffuse()), LAMP,
+        ), 16384,
+        lambda: (forms.over_square(0.5 * tan(radians(4))) / 2,), LAMP_ABOVE + " The mean over the square "
+        "that the "
+        "camera sees, by quadrature of the same formula.", within=1e-2,
+    ),
+    Check(
+        "mitsuba-blend-of-mirror", "mitsuba",
+        "blendbsdf of a matte surface and a mirror gives the mirror too small a share, the matte surface too "
+        "large a one",
+        scene(integrator(), picture(), SKY, floor(mirror_and_matte())), 1024,
+        lambda: BLENDED, BLEND, names=("red", "green", "blue"), measure=colours,
+        act="blendbsdf.cpp, sample(): the density of the other nested BSDF is added to the probability of a "
+        "delta lobe, "
+        "and its value to the mirror's. Seen straight on, the mirror's sample has weight (w + (1−w) a/π) / "
+        "(w + (1−w)/π), "
+        ".659 for a = .2, where it must be 1; then .14 + .3 · .659 = .338. A delta lobe takes no other's "
+        "density.",
+        report="the densities of samples came with pull request 1681 of mitsuba-renderer/mitsuba3 (July "
+        "2025), whose own "
+        "tests blend materials without delta lobes; of this effect none was found",
+    ),
+    Check(
+        "mitsuba-blend-of-matte", "mitsuba", "blendbsdf of two matte surfaces",
+        scene(integrator(), picture(), SKY, floor(mirror_and_matte().replace(
+            '<bsdf type="conductor"><string name="material" value="none"/></bsdf>', diffuse("1")))), 4096,
+        lambda: BLENDED, BLEND, names=("red", "green", "blue"), measure=colours, within=4e-3,
+    ),
+    *(Check(
+        f"mitsuba-rough-mirror-{alpha}", "mitsuba", f"roughconductor, GGX, α = {alpha}, under a constant sky",
+        scene(integrator(), picture(), SKY, floor(rough_conductor(alpha))), 4096,
+        lambda alpha=alpha: (forms.rough_mirror(alpha),), ROUGH_MIRROR, within=4e-3,
+    ) for alpha in (0.5, 1.0)),
+    Check(
+        "mitsuba-glass", "mitsuba", "a ball of clear glass under a constant sky",
+        scene(integrator(max_depth=-1), picture(height=5), SKY, GLASS_BALL), 256, one, CLEAR_GLASS,
+    ),
+    *(Check(
+        f"mitsuba-principled-{cosine}", "mitsuba",
+        f"a white principled surface sends back more light than comes in, seen at cosine {cosine}",
+        scene(integrator(), picture(scale=0.01, height=2, cosine=cosine), SKY, floor(PRINCIPLED)), 1024,
+        one, ENERGY,
+        documented="Burley 2012 and 2015, which it implements, do not claim that energy is conserved: the "
+        "diffuse lobe's "
+        "retroreflection and the specular lobe are added",
+        report="known of the model; Mitsuba's page does not say so",
+    ) for cosine in (1.0, 0.1)),
+    Check(
+        "mitsuba-sun-ball", "mitsuba", "a spherical lamp as large as the sun lights a floor .34 % too "
+        "brightly",
+        scene(integrator(), picture(scale=0.001), floor(diffuse("1")), ball(100, 0.465)), 64, one, SUN_BALL,
+        act="sphere.cpp, sample_direction: the density of the cone is 1 / (2π (1 − cos θ)) with cos θ in "
+        "single precision, "
+        "one of 181 steps of 2⁻²⁴ here; sin²θ / (1 + cos θ) is the same without the cancellation. At a fifth "
+        "of "
+        "this radius it is 7.3 %.",
+        report=NONE_FOUND,
+    ),
+    Check(
+        "mitsuba-within-a-ball-lamp", "mitsuba",
+        "within a glowing sphere its light on its own wall is too bright: direct light at one bounce",
+        furnace(kind="sphere", max_depth=2), 1024, lambda: (0.75,), WITHIN,
+        act="sphere.cpp, sample_direction and pdf_direction: a point on the sphere counts as outside or "
+        "inside by a "
+        "comparison of rounded numbers; the two functions have to decide alike, and points on the sphere "
+        "itself belong "
+        "to the branch for those within.",
+        report=NONE_FOUND,
+    ),
+    _volume("volpath", 5, 4096, 1e-2, "volpath with roulette: a half space of fog under a constant sky"),
+    _volume("volpath", 100000, 512, 1e-2, "volpath without roulette: a half space of fog under a constant "
+    "sky"),
+    _volume(
+        "volpathmis", 5, 4096, 1e-2, "volpathmis with roulette is too dark: a half space of fog under a "
+        "constant sky",
+        act="volpathmis.cpp: roulette survives with the throughput's probability, but p_over_f, which "
+        "carries weight and "
+        "densities, is not multiplied by it everywhere. Without roulette it is right.",
+        report=NONE_FOUND,
+    ),
+    _volume("volpathmis", 100000, 512, 1e-2, "volpathmis without roulette: a half space of fog under a "
+    "constant sky"),
+    Check(
+        "mitsuba-filter-step", "mitsuba",
+        "the scalar variants' Gaussian filter is a staircase of 31 steps: pixels at an edge are off",
+        scene(integrator(), picture(film=GAUSSIAN), STEP_SCENE), 4096, lambda: STEPS, STEP,
+        names=("two left", "left", "right"), measure=columns(3, 4, 5), batches=16,
+        documented="", within=1e-2,
+        act="rfilter.h: eval_discretized takes the table's value to the left, MI_FILTER_RESOLUTION (31) "
+        "steps over the "
+        "radius, in imageblock.cpp; a finer table, or linear interpolation in it, does it.",
+        report=NONE_FOUND,
+    ),
+)  # fmt: skip

@@ -36,7 +36,7 @@ class Renderer:
 RENDERERS: Mapping[str, Renderer] = {
     "mitsuba": Renderer("Mitsuba"),
     "cycles": Renderer("Blender Cycles", "bpy==5.0.1"),
-    "luxcore": Renderer("LuxCore", "pyluxcore==2.11.2"),
+    "luxcore": Renderer("LuxCore", "pyluxcore==2.11.2 numpy"),
     "raysect": Renderer("Raysect", "raysect==0.9.1"),
     "oneray": Renderer("oneray"),
 }
@@ -55,20 +55,21 @@ def python_of(renderer: str) -> str:
     found = environments() / renderer / "bin/python"
     if not found.is_file():
         raise NotFound(
-            f"{RENDERERS[renderer].title} is not in {found.parent.parent}: python scripts/audit.py setup {renderer}"
+            f"{RENDERERS[renderer].title} is not in {found.parent.parent}: python scripts/audit.py setup "
+            f"{renderer}"
         )
     return str(found)
 
 
 def set_up(renderer: str, package: str = "") -> None:
-    """Make the Python environment of a renderer, with this package instead of the usual one if it is named."""
+    """Make the Python environment of a renderer, with this package instead of the usual one if named."""
     package = package or RENDERERS[renderer].package
     if not package:
         return
     folder = environments() / renderer
     if not (folder / "bin/python").is_file():
         subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
-    install = [str(folder / "bin/python"), "-m", "pip", "install", "--quiet", package]
+    install = [str(folder / "bin/python"), "-m", "pip", "install", "--quiet", *package.split()]
     if subprocess.run(install).returncode:
         raise NotFound(f"{package} cannot be installed into {folder}: see above")
 
@@ -104,7 +105,7 @@ def _worker(check: Check, seeds: range) -> tuple[str, Array]:
         answer: dict[str, Any] = json.loads(line)
         return answer["version"], np.array(answer["pictures"], dtype=np.float64)
     except (ValueError, KeyError, TypeError):
-        last = (done.stderr.strip() or done.stdout.strip() or "nothing said").splitlines()[-1]
+        last = (done.stderr.strip() or done.stdout.strip() or "nothing said").splitlines()[-1][:200]
         raise RenderError(f"{check.id}: {RENDERERS[check.renderer].title} gave no pictures: {last}") from None
 
 

@@ -1,5 +1,5 @@
-"""LuxCore by the module pyluxcore: the scene is its SDL, lines of the scene and of the configuration. It looks
-about once a second whether it has the samples, so that there may be many more.
+"""LuxCore by the module pyluxcore: the scene is its SDL, lines of the scene and of the configuration. It
+looks about once a second whether it has the samples, so that there may be many more.
 """
 
 import json

@@ -16,7 +16,7 @@ def main() -> None:
         np.array(mi.render(scene, spp=job["samples"], seed=seed)).astype(float).tolist()
         for seed in job["seeds"]
     ]
-    print(json.dumps({"version": mi.__version__, "pictures": pictures}))
+    print("\n" + json.dumps({"version": mi.__version__, "pictures": pictures}))
 
 
 if __name__ == "__main__":

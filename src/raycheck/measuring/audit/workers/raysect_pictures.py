@@ -1,4 +1,4 @@
-"""Raysect: the scene is a program that leaves `sight`, an observer of one pixel, and `pipeline`, what it sees."""
+"""Raysect: the scene is a program that leaves `sight`, an observer of one pixel, and `pipeline`."""
 
 import json
 import sys
