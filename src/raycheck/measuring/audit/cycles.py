@@ -14,6 +14,7 @@ from raycheck.measuring.audit.truths import (
     ROUGH_MIRROR,
     SKY_ON_MATTE,
     SUN_BALL,
+    exactly,
     one,
 )
 
@@ -169,7 +170,8 @@ CHECKS = (
     Check(
         "cycles-lamp", "cycles", "a square area lamp above a matte floor",
         scene(PLANE, matte(0.5), lamp("AREA", 1, shape="SQUARE", size=1.0, energy=pi), scale=0.002), 1024,
-        lambda: (forms.square_above(1, 1) / 2,), LAMP_ABOVE + " Power P over π and the area is the lamp's "
+        exactly(forms.square_above, 1, 1, times=0.5),
+        LAMP_ABOVE + " Power P over π and the area is the lamp's "
         "radiance.",
     ),
     Check(
@@ -194,7 +196,7 @@ CHECKS = (
         f"cycles-rough-mirror-{alpha}", "cycles", f"Glossy BSDF, GGX, roughness² = α = {alpha}, under a "
         f"constant world",
         scene(PLANE, anisotropic(alpha**0.5, "GGX"), sky=1), 1024,
-        lambda alpha=alpha: (forms.rough_mirror(alpha),), ROUGH_MIRROR,
+        exactly(forms.rough_mirror, alpha), ROUGH_MIRROR,
     ) for alpha in (0.5, 1.0)),
     Check(
         "cycles-multiscatter-mirror", "cycles", "Glossy BSDF, multiscatter GGX, α = 1: white keeps all light",
@@ -224,7 +226,7 @@ CHECKS = (
     ),
     Check(
         "cycles-half-space", "cycles", "a half space of fog under a constant world",
-        scene(FOG, sky=1, scale=0.02), 4096, lambda: (forms.half_space(0.9),), HALF_SPACE,
+        scene(FOG, sky=1, scale=0.02), 4096, exactly(forms.half_space, 0.9), HALF_SPACE,
         within=1e-2, batches=24,
     ),
 )  # fmt: skip

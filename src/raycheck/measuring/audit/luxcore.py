@@ -16,6 +16,7 @@ from raycheck.measuring.audit.truths import (
     HALF_SPACE,
     LAMP_ABOVE,
     SKY_ON_MATTE,
+    exactly,
     one,
 )
 
@@ -135,7 +136,7 @@ CHECKS = (
     Check(
         "luxcore-lamp", "luxcore", "a glowing square above a matte floor",
         scene(LAMP, FLOOR, material("floor", type='"matte"', kd="0.5 0.5 0.5"), scale=0.001), 4096,
-        lambda: (forms.square_above(1, 1) / 2,), LAMP_ABOVE, within=4e-3,
+        exactly(forms.square_above, 1, 1, times=0.5), LAMP_ABOVE, within=4e-3,
     ),
     Check(
         "luxcore-blend-of-mirror", "luxcore", "mix of a matte surface and a mirror",
@@ -145,7 +146,7 @@ CHECKS = (
     Check(
         "luxcore-rough-matte", "luxcore", "roughmatte of σ = 20 reflects half of what it should",
         scene(SKY, FLOOR, material("floor", type='"roughmatte"', kd="1 1 1", sigma="20")), 1024,
-        lambda: (oren_nayar(20),),
+        exactly(oren_nayar, 20),
         "Oren and Nayar's A = 1 − ½ σ²/(σ² + .33) is the reflectance of a white surface seen straight on, "
         "where the other "
         "term has factor 0; σ = 20° gives .86529.", within=4e-3,
@@ -176,14 +177,14 @@ CHECKS = (
     Check(
         "luxcore-half-space", "luxcore",
         "roulette (the default) makes a half space of fog under a constant sky too bright",
-        scene(SKY, FOG, scale=0.01, depth=1024), 1024, lambda: (forms.half_space(0.9),), HALF_SPACE,
+        scene(SKY, FOG, scale=0.01, depth=1024), 1024, exactly(forms.half_space, 0.9), HALF_SPACE,
         within=1e-2,
         act=ROULETTE, report=NONE_FOUND,
     ),
     Check(
         "luxcore-half-space-no-roulette", "luxcore", "a half space of fog without roulette, up to 128 "
         "bounces",
-        scene(SKY, FOG, scale=0.01, depth=128, roulette=False), 256, lambda: (forms.half_space(0.9),),
+        scene(SKY, FOG, scale=0.01, depth=128, roulette=False), 256, exactly(forms.half_space, 0.9),
         HALF_SPACE, within=2e-2,
     ),
 )  # fmt: skip

@@ -18,6 +18,7 @@ from raycheck.measuring.audit.truths import (
     STEPS,
     SUN_BALL,
     WITHIN,
+    exactly,
     one,
 )
 
@@ -115,8 +116,11 @@ STEP_SCENE = (
 GAUSSIAN = '<rfilter type="gaussian"/>'
 
 
-def furnace(sampler: str = "independent", albedo: float = 0.5, kind: str = "cube", **settings: int) -> str:
-    return scene(integrator(**{"max_depth": -1, **settings}), picture(sampler), room(kind, albedo))
+def furnace(
+    sampler: str = "independent", albedo: float = 0.5, kind: str = "cube", depth: int = -1, rr_depth: int = 0
+) -> str:
+    roulette = {"rr_depth": rr_depth} if rr_depth else {}
+    return scene(integrator("path", max_depth=depth, **roulette), picture(sampler), room(kind, albedo))
 
 
 SAMPLER_ACT = {
@@ -158,7 +162,9 @@ def _sampler(name: str, samples: int) -> Check:
     )
 
 
-def _volume(kind: str, rr_depth: int, samples: int, within: float, says: str, **more: str) -> Check:
+def _volume(
+    kind: str, rr_depth: int, samples: int, within: float, says: str, act: str = "", report: str = ""
+) -> Check:
     roulette = "roulette" if rr_depth < 100 else "no-roulette"
     return Check(
         id=f"mitsuba-{kind}-{roulette}",
@@ -166,10 +172,11 @@ def _volume(kind: str, rr_depth: int, samples: int, within: float, says: str, **
         says=says,
         scene=scene(integrator(kind, max_depth=-1, rr_depth=rr_depth), picture(scale=0.01), SKY, MEDIUM),
         samples=samples,
-        expected=lambda: (forms.half_space(0.9),),
+        expected=exactly(forms.half_space, 0.9),
         why=HALF_SPACE,
         within=within,
-        **more,
+        act=act,
+        report=report,
     )
 
 
@@ -185,7 +192,7 @@ CHECKS = (
     Check(
         "mitsuba-stratified-no-roulette", "mitsuba",
         "path with the stratified sampler at 4 samples and without roulette, in a closed room",
-        furnace("stratified", max_depth=24, rr_depth=1000), 4, one, FURNACE, batches=512, within=4e-3,
+        furnace("stratified", depth=24, rr_depth=1000), 4, one, FURNACE, batches=512, within=4e-3,
     ),
     Check(
         "mitsuba-furnace-bright", "mitsuba", "path with roulette in a closed room of albedo 0.9",
@@ -194,7 +201,7 @@ CHECKS = (
     *(Check(
         f"mitsuba-{kind}-lamp", "mitsuba", f"{kind}: a square lamp above a matte floor",
         scene(integrator(kind), picture(scale=0.001), floor(diffuse()), LAMP), 1024,
-        lambda: (forms.square_above(1, 1) / 2,), LAMP_ABOVE,
+        exactly(forms.square_above, 1, 1, times=0.5), LAMP_ABOVE,
     ) for kind in ("path", "direct")),
     Check(
         "mitsuba-ptracer-lamp", "mitsuba", "ptracer: a square lamp above a matte floor",
@@ -204,9 +211,8 @@ CHECKS = (
                 '<scale x="0.1" y="0.1"/>', "").replace("<film", '<float name="fov" value="8"/><film'),
             floor(diffuse()), LAMP,
         ), 16384,
-        lambda: (forms.over_square(0.5 * tan(radians(4))) / 2,), LAMP_ABOVE + " The mean over the square "
-        "that the "
-        "camera sees, by quadrature of the same formula.", within=1e-2,
+        exactly(forms.over_square, 0.5 * tan(radians(4)), times=0.5),
+        LAMP_ABOVE + " The mean over the square that the camera sees, by quadrature of the same formula.", within=1e-2,
     ),
     Check(
         "mitsuba-blend-of-mirror", "mitsuba",
@@ -233,7 +239,7 @@ CHECKS = (
     *(Check(
         f"mitsuba-rough-mirror-{alpha}", "mitsuba", f"roughconductor, GGX, α = {alpha}, under a constant sky",
         scene(integrator(), picture(), SKY, floor(rough_conductor(alpha))), 4096,
-        lambda alpha=alpha: (forms.rough_mirror(alpha),), ROUGH_MIRROR, within=4e-3,
+        exactly(forms.rough_mirror, alpha), ROUGH_MIRROR, within=4e-3,
     ) for alpha in (0.5, 1.0)),
     Check(
         "mitsuba-glass", "mitsuba", "a ball of clear glass under a constant sky",
@@ -263,7 +269,7 @@ CHECKS = (
     Check(
         "mitsuba-within-a-ball-lamp", "mitsuba",
         "within a glowing sphere its light on its own wall is too bright: direct light at one bounce",
-        furnace(kind="sphere", max_depth=2), 1024, lambda: (0.75,), WITHIN,
+        furnace(kind="sphere", depth=2), 1024, lambda: (0.75,), WITHIN,
         act="sphere.cpp, sample_direction and pdf_direction: a point on the sphere counts as outside or "
         "inside by a "
         "comparison of rounded numbers; the two functions have to decide alike, and points on the sphere "

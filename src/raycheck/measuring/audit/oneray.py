@@ -32,6 +32,7 @@ from raycheck.measuring.audit.truths import (
     STEPS,
     SUN_BALL,
     WITHIN,
+    exactly,
     one,
 )
 
@@ -61,7 +62,7 @@ CHECKS = (
     Check(
         "oneray-lamp", "oneray", "a square lamp above a matte floor",
         scene(integrator(), picture(scale=0.001), floor(diffuse()), LAMP), 1024,
-        lambda: (forms.square_above(1, 1) / 2,), LAMP_ABOVE,
+        exactly(forms.square_above, 1, 1, times=0.5), LAMP_ABOVE,
     ),
     Check(
         "oneray-blend-of-mirror", "oneray", "a blend of a matte surface and a mirror",
@@ -71,7 +72,7 @@ CHECKS = (
     *(Check(
         f"oneray-rough-mirror-{alpha}", "oneray", f"roughconductor, GGX, α = {alpha}, under a constant sky",
         scene(integrator(), picture(), SKY, floor(rough_conductor(alpha))), 4096,
-        lambda alpha=alpha: (forms.rough_mirror(alpha),), ROUGH_MIRROR, within=4e-3,
+        exactly(forms.rough_mirror, alpha), ROUGH_MIRROR, within=4e-3,
     ) for alpha in (0.5, 1.0)),
     Check(
         "oneray-glass", "oneray", "a ball of clear glass under a constant sky",
@@ -91,7 +92,7 @@ CHECKS = (
     ),
     Check(
         "oneray-within-a-ball-lamp", "oneray", "direct light within a glowing sphere on its own wall",
-        furnace(kind="sphere", max_depth=2), 1024, lambda: (0.75,), WITHIN,
+        furnace(kind="sphere", depth=2), 1024, lambda: (0.75,), WITHIN,
     ),
     Check(
         "oneray-filter-step", "oneray", "pixels of a Gaussian filter at an edge",

@@ -2,7 +2,15 @@
 
 from raycheck.measuring.audit import forms
 from raycheck.measuring.audit.check import Check
-from raycheck.measuring.audit.truths import CLEAR_GLASS, FURNACE, LAMP_ABOVE, ROUGH_MIRROR, SKY_ON_MATTE, one
+from raycheck.measuring.audit.truths import (
+    CLEAR_GLASS,
+    FURNACE,
+    LAMP_ABOVE,
+    ROUGH_MIRROR,
+    SKY_ON_MATTE,
+    exactly,
+    one,
+)
 
 
 def scene(build: str, height: float = 5) -> str:
@@ -57,7 +65,7 @@ CHECKS = (
     Check(
         "raysect-lamp", "raysect", "a glowing square plate above a matte floor",
         scene(floor("Lambert(ConstantSF(0.5))") + LAMP, 0.5), 200000,
-        lambda: (forms.square_above(1, 1) / 2,), LAMP_ABOVE, within=1e-2,
+        exactly(forms.square_above, 1, 1, times=0.5), LAMP_ABOVE, within=1e-2,
     ),
     Check(
         "raysect-glass", "raysect", "a ball of clear glass within a glowing sphere",
@@ -69,7 +77,7 @@ CHECKS = (
         "raysect-rough-mirror", "raysect", "RoughConductor of k = 10⁵, roughness 0.5, within a glowing "
         "sphere",
         scene(SKY + floor("RoughConductor(ConstantSF(1.0), ConstantSF(1e5), 0.5)")), 50000,
-        lambda: (forms.rough_mirror(0.5),), ROUGH_MIRROR + " With k = 10⁵ Fresnel's share is 1 − "
+        exactly(forms.rough_mirror, 0.5), ROUGH_MIRROR + " With k = 10⁵ Fresnel's share is 1 − "
         "4e-10.", within=1e-2,
     ),
 )  # fmt: skip

@@ -1,5 +1,7 @@
 """Why the expected values of the audit are sure, in the words of its records."""
 
+from collections.abc import Callable
+
 from raycheck.measuring.audit import forms
 
 FURNACE = (
@@ -50,3 +52,10 @@ STEPS = tuple(forms.filtered_step(x) for x in (1.25, 0.25, -0.75))
 
 def one() -> tuple[float, ...]:
     return (1.0,)
+
+
+def exactly(
+    form: Callable[..., float], *numbers: float, times: float = 1.0
+) -> Callable[[], tuple[float, ...]]:
+    """What a closed form gives for these numbers, evaluated when it is asked for."""
+    return lambda: (times * form(*numbers),)

@@ -3,6 +3,7 @@
 import json
 import sys
 from importlib.metadata import version
+from typing import Any
 
 
 def main() -> None:
@@ -10,7 +11,7 @@ def main() -> None:
     from raysect.core.math.random import seed as set_seed
     from raysect.core.workflow import SerialEngine
 
-    names: dict[str, object] = {}
+    names: dict[str, Any] = {}
     exec(job["scene"], names)
     sight, pipeline = names["sight"], names["pipeline"]
     sight.render_engine = SerialEngine()
