@@ -1,5 +1,6 @@
 """LuxCore: the checks of its path tracer PATHCPU, by the module pyluxcore and its scene language."""
 
+from dataclasses import replace
 from math import radians
 
 import numpy as np
@@ -118,7 +119,7 @@ def oren_nayar(degrees: float) -> float:
     return float(1 - 0.5 * square_of / (square_of + 0.33))
 
 
-CHECKS = (
+CHECKS = tuple(replace(check, batches=16) for check in (
     Check(
         "luxcore-matte", "luxcore", "matte under a constant sky",
         scene(SKY, FLOOR, material("floor", type='"matte"', kd="0.2 0.6 0.9")), 4096,
@@ -187,4 +188,5 @@ CHECKS = (
         scene(SKY, FOG, scale=0.01, depth=128, roulette=False), 256, exactly(forms.half_space, 0.9),
         HALF_SPACE, within=2e-2,
     ),
-)  # fmt: skip
+))  # fmt: skip
+"""Few pictures, since each takes a second at least, whatever its samples."""
