@@ -47,7 +47,7 @@ STEP = (
     "over all, "
     "error functions for a Gaussian; its second coordinate cancels."
 )
-STEPS = tuple(forms.filtered_step(x) for x in (1.25, 0.25, -0.75))
+STEPS = tuple(forms.filtered_step(x) for x in (0.75, -0.25, -1.25))
 
 
 def one() -> tuple[float, ...]:
