@@ -8,7 +8,7 @@
 `run` renders checks, or all, each in a process of its own, and says what is found. --json keeps the records,
 those that were there before of other checks too; --against names what changed since a file was written, with
 exit status 1 if anything did. A renderer that is not there is said, and its checks are left out: exit status
-3. The whole takes a quarter of an hour of one core.
+3; 2 where one gave no picture. The whole takes a quarter of an hour of one core.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from raycheck.base.errors import NotFound, PlainError
+from raycheck.base.errors import NotFound, PlainError, RenderError
 from raycheck.base.files import write_whole
 from raycheck.base.machine import machine, raycheck_version, today
 from raycheck.measuring.audit import running, tables
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json and options.json.exists():
         kept = {one.id: one for one in read(options.json)[0]}
     missing: set[str] = set()
-    differs = 0
+    differs, failed = 0, False
     for check in named(options.names):
         if check.renderer in missing:
             continue
@@ -40,6 +40,10 @@ def run(options: argparse.Namespace) -> int:
             record = running.run(check)
         except NotFound as error:
             missing.add(check.renderer)
+            print(f"audit: {error}", file=sys.stderr, flush=True)
+            continue
+        except RenderError as error:
+            failed = True
             print(f"audit: {error}", file=sys.stderr, flush=True)
             continue
         print(tables.line(record), flush=True)
@@ -51,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
             write_whole(options.json, to_json(in_order(kept), header()))
     if options.against:
         print(f"{differs} checks changed" if differs else "nothing changed")
-    return 3 if missing else 1 if differs else 0
+    return 2 if failed else 3 if missing else 1 if differs else 0
 
 
 def in_order(found: dict[str, Record]) -> list[Record]:

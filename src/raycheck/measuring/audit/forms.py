@@ -6,6 +6,8 @@ from math import atan, cos, exp, pi, sin, sqrt, tan
 import numpy as np
 from scipy import integrate, special
 
+from raycheck.base.arrays import Array
+
 
 def square_above(side: float, height: float) -> float:
     """Form factor from a small patch to a parallel square whose centre is straight above: irradiance over π
@@ -15,26 +17,29 @@ def square_above(side: float, height: float) -> float:
     return 4 / (2 * pi) * 2 * x / sqrt(1 + x * x) * atan(x / sqrt(1 + x * x))
 
 
+ORDER = 120
+"""Gauss–Legendre nodes for H."""
+
+
 @cache
-def h_function(albedo: float, mu: float, order: int = 200) -> float:
-    """Chandrasekhar's H of isotropic scattering: 1/H(μ) = √(1−ϖ) + ϖ/2 ∫₀¹ t H(t)/(t+μ) dt, iterated to the
-    last digit on Gauss–Legendre nodes (Chandrasekhar, Radiative Transfer, 1950, chapter 5).
-    """
-    nodes, weights = special.roots_legendre(order)
-    t, w = (nodes + 1) / 2, weights / 2
-    h = np.ones(order)
-    root = sqrt(1 - albedo)
-
-    def at(x: np.ndarray) -> np.ndarray:
-        return np.asarray(1 / (root + albedo / 2 * (w * t * h / (t + x[:, None])).sum(axis=1)))
-
+def _h_nodes(albedo: float) -> tuple[Array, Array, Array]:
+    """Nodes t in 0…1, their weights, and H there to the last digit, by iteration."""
+    nodes, weights = special.roots_legendre(ORDER)
+    t, w, h = (nodes + 1) / 2, weights / 2, np.ones(ORDER)
+    kernel = albedo / 2 * w * t / (t + t[:, None])
     for _ in range(1000):
-        new = at(t)
-        done = np.max(np.abs(new - h)) < 1e-15
-        h = new
-        if done:
+        old, h = h, 1 / (sqrt(1 - albedo) + kernel @ h)
+        if np.max(np.abs(h - old)) < 1e-15:
             break
-    return float(at(np.array([mu]))[0])
+    return t, w, h
+
+
+def h_function(albedo: float, mu: float) -> float:
+    """Chandrasekhar's H of isotropic scattering: 1/H(μ) = √(1−ϖ) + ϖ/2 ∫₀¹ t H(t)/(t+μ) dt (Radiative
+    Transfer, 1950, chapter 5).
+    """
+    t, w, h = _h_nodes(albedo)
+    return float(1 / (sqrt(1 - albedo) + albedo / 2 * (w * t * h / (t + mu)).sum()))
 
 
 def half_space(albedo: float, mu: float = 1.0) -> float:

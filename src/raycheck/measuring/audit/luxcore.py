@@ -97,14 +97,14 @@ MIRROR_AND_MATTE = (
     + material("floor", type='"mix"', material1='"matte"', material2='"mirror"', amount="0.3")
 )
 FOG = (
-    """scene.volumes.fog.type = "homogeneous"
-scene.volumes.fog.absorption = 0.4 0.4 0.4
-scene.volumes.fog.scattering = 3.6 3.6 3.6
-scene.volumes.fog.asymmetry = 0 0 0
-scene.volumes.fog.multiscattering = 1
+    """scene.volumes.medium.type = "homogeneous"
+scene.volumes.medium.absorption = 0.4 0.4 0.4
+scene.volumes.medium.scattering = 3.6 3.6 3.6
+scene.volumes.medium.asymmetry = 0 0 0
+scene.volumes.medium.multiscattering = 1
 """
     + cube("fog", 500, -500, inwards=False)
-    + material("fog", type='"null"', **{"volume.interior": '"fog"'})
+    + material("fog", type='"null"', **{"volume.interior": '"medium"'})
 )
 ROULETTE = (
     "pathtracer.cpp: DirectLightSampling multiplies the density of the material by the probability of "

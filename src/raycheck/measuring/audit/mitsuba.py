@@ -221,7 +221,7 @@ CHECKS = (
         "mitsuba-blend-of-mirror", "mitsuba",
         "blendbsdf of a matte surface and a mirror gives the mirror too small a share, the matte surface too "
         "large a one",
-        scene(integrator(), picture(), SKY, floor(mirror_and_matte())), 1024,
+        scene(integrator(), picture(), SKY, floor(mirror_and_matte())), 256,
         lambda: BLENDED, BLEND, names=("red", "green", "blue"), measure=colours,
         act="blendbsdf.cpp, sample(): the density of the other nested BSDF is added to the probability of a "
         "delta lobe, "
@@ -251,7 +251,7 @@ CHECKS = (
     *(Check(
         f"mitsuba-principled-{cosine}", "mitsuba",
         f"a white principled surface sends back more light than comes in, seen at cosine {cosine}",
-        scene(integrator(), picture(scale=0.01, height=2, cosine=cosine), SKY, floor(PRINCIPLED)), 1024,
+        scene(integrator(), picture(scale=0.01, height=2, cosine=cosine), SKY, floor(PRINCIPLED)), 256,
         one, ENERGY,
         documented="Burley 2012 and 2015, which it implements, do not claim that energy is conserved: the "
         "diffuse lobe's "
@@ -272,7 +272,7 @@ CHECKS = (
     Check(
         "mitsuba-within-a-ball-lamp", "mitsuba",
         "within a glowing sphere its light on its own wall is too bright: direct light at one bounce",
-        furnace(kind="sphere", depth=2), 1024, lambda: (0.75,), WITHIN,
+        furnace(kind="sphere", depth=2), 256, lambda: (0.75,), WITHIN,
         act="sphere.cpp, sample_direction and pdf_direction: a point on the sphere counts as outside or "
         "inside by a "
         "comparison of rounded numbers; the two functions have to decide alike, and points on the sphere "
@@ -296,7 +296,7 @@ CHECKS = (
     Check(
         "mitsuba-filter-step", "mitsuba",
         "the scalar variants' Gaussian filter is a staircase of 31 steps: pixels at an edge are off",
-        scene(integrator(), picture(film=GAUSSIAN), STEP_SCENE), 2048, lambda: STEPS, STEP,
+        scene(integrator(), picture(film=GAUSSIAN), STEP_SCENE), 1024, lambda: STEPS, STEP,
         names=("left", "right", "two right"), measure=columns(3, 4, 5), within=5e-2,
         act="rfilter.h: eval_discretized takes the table's value to the left, MI_FILTER_RESOLUTION (31) "
         "steps over the "

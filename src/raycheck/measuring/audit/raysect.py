@@ -58,7 +58,7 @@ CHECKS = (
     ),
     Check(
         "raysect-furnace", "raysect", "a closed room of albedo 0.5, with ray extinction as by default",
-        scene(room(0.5), 0.5), 20000, one, FURNACE, within=5e-3,
+        scene(room(0.5), 0.5), 20000, one, FURNACE, within=1e-2,
     ),
     Check(
         "raysect-lamp", "raysect", "a glowing square plate above a matte floor",
