@@ -119,11 +119,7 @@ def _named(case: Mapping[str, Any]) -> str:
 
 
 def _audit(words: Sequence[str]) -> str:
-    records, header = audit_results.read(REFERENCES / "audit.json")
-    shown = {"findings": audit_tables.findings, "health": audit_tables.health}
-    if words:
-        return shown[words[0]](records)
-    return f"{audit_tables.summary(records)}\n\n{audit_tables.alarms(records, header)}"
+    return audit_tables.markdown(*audit_results.read(REFERENCES / "audit.json"))
 
 
 TABLES: dict[str, Callable[[Sequence[str]], str]] = {

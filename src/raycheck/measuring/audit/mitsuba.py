@@ -218,9 +218,7 @@ CHECKS = (
         "sees, by quadrature of the same formula.", within=1e-2,
     ),
     Check(
-        "mitsuba-blend-of-mirror", "mitsuba",
-        "blendbsdf of a matte surface and a mirror gives the mirror too small a share, the matte surface too "
-        "large a one",
+        "mitsuba-blend-of-mirror", "mitsuba", "blendbsdf of a matte surface and a mirror is too dark",
         scene(integrator(), picture(), SKY, floor(mirror_and_matte())), 256,
         lambda: BLENDED, BLEND, names=("red", "green", "blue"), measure=colours,
         act="blendbsdf.cpp, sample(): the density of the other nested BSDF is added to the probability of a "
@@ -264,7 +262,7 @@ CHECKS = (
         scene(integrator(), picture(scale=0.001), floor(diffuse("1")), ball(100, 0.465)), 64, one, SUN_BALL,
         act="sphere.cpp, sample_direction: the density of the cone is 1 / (2π (1 − cos θ)) with cos θ in "
         "single precision, "
-        "one of 181 steps of 2⁻²⁴ here; sin²θ / (1 + cos θ) is the same without the cancellation. At a fifth "
+        "about 181 steps of 2⁻²⁴ here; sin²θ / (1 + cos θ) is the same without the cancellation. At a fifth "
         "of "
         "this radius it is 7.3 %.",
         report=NONE_FOUND,
@@ -273,11 +271,9 @@ CHECKS = (
         "mitsuba-within-a-ball-lamp", "mitsuba",
         "within a glowing sphere its light on its own wall is too bright: direct light at one bounce",
         furnace(kind="sphere", depth=2), 256, lambda: (0.75,), WITHIN,
-        act="sphere.cpp, sample_direction and pdf_direction: a point on the sphere counts as outside or "
-        "inside by a "
-        "comparison of rounded numbers; the two functions have to decide alike, and points on the sphere "
-        "itself belong "
-        "to the branch for those within.",
+        act="sphere.cpp, sample_direction and pdf_direction: look first at which branch a point takes that "
+        "lies on the sphere itself, inside or outside by rounding; both functions have to decide alike, and "
+        "for inside.",
         report=NONE_FOUND,
     ),
     _volume("volpath", 5, 1024, 1e-2, "volpath with roulette: a half space of fog under a constant sky"),
@@ -286,9 +282,8 @@ CHECKS = (
     _volume(
         "volpathmis", 5, 1024, 1e-2, "volpathmis with roulette is too dark: a half space of fog under a "
         "constant sky",
-        act="volpathmis.cpp: roulette survives with the throughput's probability, but p_over_f, which "
-        "carries weight and "
-        "densities, is not multiplied by it everywhere. Without roulette it is right.",
+        act="volpathmis.cpp: without roulette it is right, and volpath is with roulette, so look first at "
+        "how the probability of surviving goes into p_over_f and p_over_f_nee.",
         report=NONE_FOUND,
     ),
     _volume("volpathmis", 100000, 256, 1e-2, "volpathmis without roulette: a half space of fog under a "

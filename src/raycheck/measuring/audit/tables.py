@@ -43,6 +43,9 @@ def _section(one: Record) -> str:
         *([f"What to look at: {one.act}"] if one.act else []),
         *([f"Public report: {one.report}."] if one.report else []),
         f"    {one.command}",
+        f"<details><summary>Scene, {one.samples} samples a pixel</summary>",
+        f"```\n{one.scene.strip()}\n```",
+        "</details>",
     ]
     return "\n\n".join(said)
 
@@ -80,3 +83,9 @@ def alarms(records: Sequence[Record], header: Mapping[str, Any]) -> str:
         f"{header['date']}, "
         f"{header['machine']}."
     )
+
+
+def markdown(records: Sequence[Record], header: Mapping[str, Any]) -> str:
+    """What docs/audit.md shows."""
+    parts = (summary(records), alarms(records, header), "## Findings", findings(records), "## What is right")
+    return "\n\n".join((*parts, health(records)))
