@@ -127,9 +127,10 @@ def test_a_documented_approximation_is_called_that() -> None:
 
 
 def test_one_half_alone_finds_nothing() -> None:
-    """Batches whose first half alone is off: no claim, whatever their mean is."""
-    batches = 1 + np.r_[np.full(16, 0.05), np.zeros(16)] + np.random.default_rng(1).normal(0, 1e-3, 32)
-    assert not judging.values(("radiance",), (1.0,), batches[:, None])[0].deviates
+    """Batches of which the first half is off, the second not for sure: no claim, though the interval says so."""
+    batches = 1 + np.r_[np.full(16, 0.05), np.tile([-0.005, 0.025], 8)]
+    [value] = judging.values(("radiance",), (1.0,), batches[:, None])
+    assert value.low > 1 + ALLOWED and not value.deviates
 
 
 def test_fair_renderers_raise_no_alarm() -> None:
