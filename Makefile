@@ -8,6 +8,8 @@
 # make stability  how far both renderers hold in stiff cases, ten minutes, into references/stability.json and precisions.json
 # make lecture    the lecture's techniques as a page that renders while one reads it: build/lecture/index.html, offline
 # make benchmark  measures speed and variance beside Mitsuba and how cost grows, twenty minutes, into references/benchmark.json
+# make audit      judges other renderers by closed forms, fifteen minutes, and says what changed against references/audit.json;
+#                 Cycles, LuxCore and Raysect come by pip into ~/.cache/raycheck-audit (RAYCHECK_AUDIT=FOLDER)
 # make calibrate  measures raycheck itself, three hours of one core, into references/calibration.json, signatures, parts and harness_mutants.json
 #                 of these only what is stale: python scripts/stale.py --measure
 # make fuzz       feeds broken scenes, PLY, OBJ and serialized files to their readers, an hour each (FUZZ_SECONDS=3600), with clang
@@ -75,7 +77,7 @@ KERNEL_TABLE := $(foreach k,$(KERNEL_LIST),X($(call part,$(k),1),$(call part,$(k
 # A line says what is compiled; with V=1 the command does.
 run = $(if $(V),,@printf '  %-4s %s\n' $(1) '$(2)' && )
 
-.PHONY: all kinds install wheel demo test references thorough techniques report stability lecture benchmark calibrate fuzz fuzzers clean FORCE
+.PHONY: all kinds install wheel demo test references thorough techniques report stability lecture benchmark audit calibrate fuzz fuzzers clean FORCE
 all: $(BUILD)/oneray
 
 $(BUILD)/oneray: $(PLAIN_OBJECTS) $(KERNEL_OBJECTS)
@@ -259,6 +261,13 @@ benchmark: $(BUILD)/.system-test $(VENV)/.test
 	+$(ALL)
 	$(PYTHON) scripts/benchmark.py --json references/benchmark.json
 	$(PYTHON) scripts/readme.py
+
+# Exit status 1: something changed; with a newer renderer, `scripts/audit.py setup cycles --package bpy==…` before.
+audit: $(BUILD)/.system-test $(VENV)/.test
+	+$(ALL)
+	for name in cycles luxcore raysect; do \
+	    test -d "$${RAYCHECK_AUDIT:-$$HOME/.cache/raycheck-audit}/$$name" || $(PYTHON) scripts/audit.py setup $$name; done
+	$(PYTHON) scripts/audit.py run --json $(BUILD)/audit.json --against references/audit.json
 
 calibrate: $(BUILD)/.system-test $(VENV)/.test
 	$(RAYCHECK) calibrate nulls

@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 from raycheck.base.data import PACKAGE
 from raycheck.judging.cases import Case
 from raycheck.judging.compare import Comparison
+from raycheck.measuring.audit.results import Record
 from raycheck.measuring.prices import ScenePrices
 from raycheck.measuring.races.curves import SceneCurves
 from raycheck.measuring.stability.results import Result
@@ -64,9 +65,10 @@ FILES: dict[str, tuple[Any, str, dict[str, Any], dict[str, Any]]] = {
     "techniques": (ScenePrices, "scenes", MEASURED, {"seconds": NUMBER, "spp": WHOLE}),
     "stability": (Result, "cases", MEASURED, {}),
     "report": (SceneCurves, "scenes", MEASURED, {"core": WHOLE}),
+    "audit": (Record, "records", MEASURED | {key: NUMBER for key in ("level", "budget", "false_alarms")}, {}),
 }
-"""By command: of what dataclass a file has a list, its key, or "" where it is one; what else it has, and may
-have.
+"""By command, or script: of what dataclass a file has a list, its key, or "" where it is one; what else it
+has, and may have.
 """
 
 
@@ -88,7 +90,8 @@ def schema_of(command: str) -> dict[str, Any]:
         of = defs["ScenePrices"]
         of["properties"]["techniques"] = of["properties"].pop("prices")
         of["required"] = list(of["properties"])
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"raycheck {command} --json"}
+    program = "scripts/audit.py" if command == "audit" else f"raycheck {command}"
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"{program} --json"}
     return head | _slim(made) | ({"$defs": _slim(defs)} if defs else {})
 
 

@@ -23,6 +23,8 @@ from raycheck.base.errors import NotFound
 from raycheck.base.files import write_whole
 from raycheck.calibration import table
 from raycheck.measuring import price_tables, prices, speed
+from raycheck.measuring.audit import results as audit_results
+from raycheck.measuring.audit import tables as audit_tables
 from raycheck.measuring.stability import tables
 from raycheck.measuring.stability.results import read
 from raycheck.stats.verdict import Outcome
@@ -116,6 +118,10 @@ def _named(case: Mapping[str, Any]) -> str:
     return f"`{case['technique']}` on `{case['scene']}`"
 
 
+def _audit(words: Sequence[str]) -> str:
+    return audit_tables.markdown(*audit_results.read(REFERENCES / "audit.json"))
+
+
 TABLES: dict[str, Callable[[Sequence[str]], str]] = {
     "calibration": _calibration,
     "harness": _harness,
@@ -127,6 +133,7 @@ TABLES: dict[str, Callable[[Sequence[str]], str]] = {
     "trust": _trust,
     "size": _size,
     "public": _public,
+    "audit": _audit,
 }
 WANTED_IMAGE = 0.003
 PLACE = re.compile(rf"(<!-- ({'|'.join(TABLES)})(?:: (.*?))? -->).*?(<!-- /\2 -->)", re.DOTALL)

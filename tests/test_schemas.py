@@ -106,7 +106,7 @@ def test_measured(command: str, words: Sequence[str], oneray: Path, tmp_path: Pa
     ("command", "file"),
     [
         ("verify", "verification"), ("techniques", "techniques"), ("stability", "stability"),
-        ("report", "error_curves"),
+        ("report", "error_curves"), ("audit", "audit"),
     ],
 )  # fmt: skip
 def test_the_committed_results(command: str, file: str) -> None:
