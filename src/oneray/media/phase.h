@@ -27,16 +27,17 @@ INLINE Real phase_pdf_w(Real g, Vec d, Vec w)
     return real(0.25) * REAL_INV_PI * (left * (real(1) + size)) / (bracket * real_sqrt(bracket));
 }
 
-/* The inverse of its distribution, cosθ = (1 + g² - ((1 - g²)/(1 + g (1 - 2u)))²)/2g, as 1 - cosθ and 1 + cosθ, so that
-   there is no division by g and both ends keep their digits. */
+/* The inverse of its distribution, cosθ = (1 + g² - ((1 - g²)/(1 + g (1 - 2u)))²)/2g, as 1 - cosθ and 1 + cosθ (of -g where g
+   is negative), so that there is no division by g and both ends keep their digits. */
 INLINE Vec sample_phase(Real g, Vec d, Real u, Real v)
 {
-    Real rest = real(1) - u, minus = real(1) - g, plus = real(1) + g, size = real_abs(g);
-    Real scale = (real(1) - size) + (size + size) * select(g > real(0), rest, u);
+    Mask back = g < real(0);
+    Real x = select(back, u, real(1) - u), rest = select(back, real(1) - u, u);
+    Real size = real_abs(g), minus = real(1) - size, plus = real(1) + size, scale = minus + (size + size) * x;
     Real twice = real(2) / (scale * scale);
-    Real below = minus * minus * u * (real(1) + g * rest) * twice;
-    Real above = plus * plus * rest * (real(1) - g * u) * twice;
-    return vec_from_frame(d, turned(real_sqrt(below * above), v, real(1) - below));
+    Real below = minus * minus * rest * (real(1) + size * x) * twice;
+    Real above = plus * plus * x * (minus + size * x) * twice;
+    return vec_from_frame(d, turned(real_sqrt(below * above), v, flip_sign(real(1) - below, g)));
 }
 
 #endif
