@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Participating media: what is scattered, absorbed and let through, against closed forms, quadrature and Mitsuba's volpath;
 and boundaries that are no vertices.
 """
@@ -10,10 +11,11 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 import pytest
-from building import kernels
+from building import ROOT, kernels
 from sampling import LEVEL, Array, Driver, chi_squared, uniforms
 
 from raycheck.base.images import load_image
+from raycheck.calibration import mutants
 
 SKY = '<emitter type="constant"/>'
 NULL = '<bsdf type="null"/>'
@@ -151,7 +153,10 @@ def test_furnace(oneray: Path, tmp_path: Path, kind: str, sigma: float, g: float
 
 def test_furnace_of_colours(oneray: Path, tmp_path: Path) -> None:
     """One channel's flights serve all three, which are 3 together in each sample: none weighs more."""
-    text = scene(body("sphere", medium(".02,.2,1", "1", 0.3).replace("</medium>", number("scale", 5) + "</medium>")) + SKY)
+    text = scene(
+        body("sphere", medium(".02,.2,1", "1", 0.3).replace("</medium>", number("scale", 5) + "</medium>"))
+        + SKY
+    )
     pixels, _ = render(oneray, tmp_path, text, "--estimator", "walk", spp=4000)
     assert np.allclose(pixels.sum(2), 3, atol=1e-5)
     for estimator in ("walk", "nee", "mis", "mis-balance"):
@@ -169,7 +174,12 @@ def test_beer(oneray: Path, tmp_path: Path, precision: str, estimator: str) -> N
 
 SLAB = '<scale x="9" y="9" z="{}"/><translate z="{}"/>'
 LAMP = '<emitter type="point"><point name="position" x="0" y="0" z="-5"/>{}</emitter>'
-FLOOR = body("rectangle", "", '<scale value="5"/><rotate x="1" angle="180"/><translate z="1"/>', '<bsdf type="diffuse"/>')
+FLOOR = body(
+    "rectangle",
+    "",
+    '<scale value="5"/><rotate x="1" angle="180"/><translate z="1"/>',
+    '<bsdf type="diffuse"/>',
+)
 
 
 @pytest.mark.parametrize("estimator", ["nee", "mis", "mis-sobol"])
@@ -230,7 +240,9 @@ def test_airlight(oneray: Path, tmp_path: Path, sigma: float, g: float, estimato
     )
     black = f'<bsdf type="diffuse">{number("reflectance", 0)}</bsdf>'
     wall = body("rectangle", "", '<scale value="9"/><rotate y="1" angle="180"/><translate z="6"/>', black)
-    text = scene(lamp + wall, depth=2, fov=0.001, origin="0 0 0", target="0 0 1", eye=medium(sigma, 0.8, g, ""), size=1)
+    text = scene(
+        lamp + wall, depth=2, fov=0.001, origin="0 0 0", target="0 0 1", eye=medium(sigma, 0.8, g, ""), size=1
+    )
     expected = airlight(sigma, 0.8, g, np.array([0, 1.5, 3]), 0.4, 6)
     few = estimator == "walk" or sigma < 0.1
     spp = 400_000 if few else 100_000
@@ -257,7 +269,9 @@ def test_half_space(oneray: Path, tmp_path: Path, albedo: float, sigma: float, e
     for mu in (1.0, 0.5):
         origin = f"0 {4 * np.sqrt(1 - mu * mu):.15g} {-1 - 4 * mu:.15g}"
         wide = '<scale x="1" y="1" z="1"/>'
-        text = scene(body("cube", medium(sigma, albedo), wide) + SKY, fov=0.01, origin=origin, target="0 0 -1", size=1)
+        text = scene(
+            body("cube", medium(sigma, albedo), wide) + SKY, fov=0.01, origin=origin, target="0 0 -1", size=1
+        )
         expected = 1 - h_function(albedo, mu) * np.sqrt(1 - albedo)
         agree(mean(oneray, tmp_path, text, *ESTIMATORS[estimator], spp=40_000), exactly(expected), 0.02)
 
@@ -273,15 +287,16 @@ SECOND = (
     '<translate x="-2.5"/></transform><emitter type="area"><rgb name="radiance" value="20,5,1"/></emitter></shape>'
 )
 GROUND = body(
-    "rectangle", "", '<scale value="4"/><rotate x="1" angle="-90"/><translate y="-1.3"/>', '<bsdf type="diffuse"/>'
+    "rectangle",
+    "",
+    '<scale value="4"/><rotate x="1" angle="-90"/><translate y="-1.3"/>',
+    '<bsdf type="diffuse"/>',
 )
 INNER = body(
     "cube", medium(1, ".9,.9,.5", -0.4) + medium(0.5, ".9,.5,.8", 0.2, "exterior"),
     '<scale value=".4"/><rotate y="1" angle="30"/>',
 )  # fmt: skip
-MASK = (
-    '<bsdf type="mask"><float name="opacity" value=".3"/><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>'
-)
+MASK = '<bsdf type="mask"><float name="opacity" value=".3"/><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>'
 ROOMS = {
     "nested": (body("sphere", medium(0.5, ".9,.5,.8", 0.2)) + INNER + LIGHT + GROUND, ""),
     "fog": (LIGHT + SECOND + GROUND, medium(0.3, 0.8, 0.5, "")),
@@ -315,14 +330,20 @@ def test_mitsubas_volpath(oneray: Path, tmp_path: Path, room: str, depth: int) -
     agree(ours, theirs, 0.03)
 
 
-COLOURED = body("sphere", medium(".1,.4,1", ".9,.99,.8", 0.4).replace("</medium>", number("scale", 3) + "</medium>"))
+COLOURED = body(
+    "sphere", medium(".1,.4,1", ".9,.99,.8", 0.4).replace("</medium>", number("scale", 3) + "</medium>")
+)
 
 
 @pytest.mark.parametrize("room", [*ROOMS, "coloured"])
 @pytest.mark.parametrize("roulette", [1, 100])
 def test_estimators_have_one_mean(oneray: Path, tmp_path: Path, room: str, roulette: int) -> None:
     content, eye = ROOMS.get(room, (COLOURED + LIGHT + SECOND + GROUND, ""))
-    ways = [way for way in ("walk", "nee", "mis-balance", "mis-survival") if "point" not in content or way != "walk"]
+    ways = [
+        way
+        for way in ("walk", "nee", "mis-balance", "mis-survival")
+        if "point" not in content or way != "walk"
+    ]
     if '"point"' in content:
         ways.remove("walk") if "walk" in ways else None
     text = scene(content, rr=roulette, depth=30, eye=eye)
@@ -347,11 +368,15 @@ def test_walls_block_what_is_behind_them(oneray: Path, tmp_path: Path) -> None:
     """A flat shape that all others are on one side of blocks nothing between two of them, but there is fog behind it."""
     wall = body("rectangle", "", '<rotate y="1" angle="90"/>', '<bsdf type="diffuse"/>')
     far = '<shape type="sphere"><point name="center" x="{}" y="3" z="0"/><float name="radius" value=".1"/>{}</shape>'
-    lamp = far.format(-2, '<emitter type="area"><float name="radiance" value="50"/></emitter>').replace('y="3"', 'y="0"')
+    lamp = far.format(-2, '<emitter type="area"><float name="radiance" value="50"/></emitter>').replace(
+        'y="3"', 'y="0"'
+    )
     eye, black = medium(0.5, 0.8, None, ""), f'<bsdf type="diffuse">{number("reflectance", 0)}</bsdf>'
     at = {"origin": "-1 0 -3", "target": "1 0 1", "fov": 20}
     edge = mean(oneray, tmp_path, scene(wall + lamp, depth=3, eye=eye, **at), spp=40_000)
-    within = mean(oneray, tmp_path, scene(wall + lamp + far.format(9, black), depth=3, eye=eye, **at), spp=40_000)
+    within = mean(
+        oneray, tmp_path, scene(wall + lamp + far.format(9, black), depth=3, eye=eye, **at), spp=40_000
+    )
     agree(edge, within, 0.02)
 
 
@@ -370,7 +395,9 @@ def test_null_boundaries_are_no_vertices(oneray: Path, tmp_path: Path) -> None:
     assert np.all(render(oneray, tmp_path, scene(lit, depth=2, **at), spp=4)[0] > 0)
     assert np.all(render(oneray, tmp_path, scene(lit, "path", depth=2, **at), spp=4)[0] == 0)
     pixels, _ = render(oneray, tmp_path, scene(lit, depth=2, **at), "--estimator", "nee", spp=4)
-    bare, _ = render(oneray, tmp_path, scene(FLOOR + LAMP.format(""), depth=2, **at), "--estimator", "nee", spp=4)
+    bare, _ = render(
+        oneray, tmp_path, scene(FLOOR + LAMP.format(""), depth=2, **at), "--estimator", "nee", spp=4
+    )
     np.testing.assert_allclose(pixels, bare, rtol=1e-6)
 
 
@@ -379,13 +406,17 @@ def test_path_sees_no_media(oneray: Path, tmp_path: Path) -> None:
     content, bare = (body("sphere", inside) + LIGHT + GROUND for inside in (medium(1), ""))
     with_it = run(oneray, tmp_path, scene(content, "path", depth=9), "--spp", "9")
     pixels = load_image(tmp_path / "out.exr").pixels
-    assert with_it.stderr.count("is left out: <integrator type=\"path\"> sees none, as in Mitsuba") == 1
+    assert with_it.stderr.count('is left out: <integrator type="path"> sees none, as in Mitsuba') == 1
     without, _ = render(oneray, tmp_path, scene(bare, "path", depth=9), spp=9)
     assert np.array_equal(pixels, without)
 
 
 def test_defaults_are_mitsubas(oneray: Path, tmp_path: Path) -> None:
-    plain = body("sphere", '<medium name="interior" type="homogeneous"><phase type="hg"/></medium>') + LIGHT + GROUND
+    plain = (
+        body("sphere", '<medium name="interior" type="homogeneous"><phase type="hg"/></medium>')
+        + LIGHT
+        + GROUND
+    )
     spelt = body("sphere", medium(1, 0.75, 0.8)) + LIGHT + GROUND
     assert np.array_equal(*(render(oneray, tmp_path, scene(one), spp=9)[0] for one in (plain, spelt)))
     named = spelt.replace("<medium", '<medium id="fog"').split("</medium>")[0].split("<medium")[1]
@@ -394,7 +425,11 @@ def test_defaults_are_mitsubas(oneray: Path, tmp_path: Path) -> None:
     assert np.array_equal(*(render(oneray, tmp_path, scene(one), spp=9)[0] for one in (spelt, by_ref)))
     mi.set_variant("scalar_rgb")
     theirs = mi.load_string(scene(plain)).shapes()[0].interior_medium()
-    said = {name: float(value) for name, value in mi.traverse(theirs) if name in ("scale", "albedo.value.value", "sigma_t.value.value", "phase_function.g")}
+    said = {
+        name: float(value)
+        for name, value in mi.traverse(theirs)
+        if name in ("scale", "albedo.value.value", "sigma_t.value.value", "phase_function.g")
+    }
     assert sorted(said.values()) == pytest.approx([0.75, 0.8, 1, 1]), said
 
 
@@ -408,7 +443,16 @@ def test_lanes(oneray: Path, tmp_path: Path, room: str, precision: str) -> None:
     text, films = scene(content, eye=eye, depth=20, size=8), {}
     for name, lanes in kernels(oneray):
         if name == precision:
-            options = ("--samples", "0:7", "--film", tmp_path / "film", "--precision", precision, "--lanes", lanes)
+            options = (
+                "--samples",
+                "0:7",
+                "--film",
+                tmp_path / "film",
+                "--precision",
+                precision,
+                "--lanes",
+                lanes,
+            )
             done = run(oneray, tmp_path, text, *map(str, options))
             assert done.returncode == 0, done.stderr
             films[lanes] = (tmp_path / "film").read_bytes()
@@ -417,6 +461,7 @@ def test_lanes(oneray: Path, tmp_path: Path, room: str, precision: str) -> None:
 
 def test_precision(oneray: Path, tmp_path: Path) -> None:
     """Dense and very thin media want double precision."""
+
     def chosen(sigma: float, albedo: float = 0.5) -> str:
         done = run(oneray, tmp_path, scene(LIGHT + GROUND, depth=9, eye=medium(sigma, albedo, None, "")), "--spp", "1",
                    "--stats", "-")  # fmt: skip
@@ -434,10 +479,22 @@ REFUSED = {
     "g": (body("sphere", medium(1, 0.5, 1.0)), '"g" must be in (-1,1), not 1'),
     "albedo": (body("sphere", medium(1, 1.5)), '"albedo" must be in [0,1], not 1.5'),
     "sigma_t": (body("sphere", medium("-1,1,1")), '"sigma_t" must be in [0,inf), not -1'),
-    "product": (body("sphere", medium(1e-150)), "sigma_t times scale is 1e-150: it must be 0 or in [1e-100,1e100]"),
-    "phase": (body("sphere", medium(1).replace("isotropic", "blendphase")), "is not supported (isotropic, hg)"),
-    "property": (body("sphere", medium(1).replace("sigma_t", "sigma").replace("scale", "sigma_s")), '"sigma_s"'),
-    "ref": (body("sphere", '<ref id="m" name="interior"/>') + '<texture type="checkerboard" id="m"/>', "can be referred to"),
+    "product": (
+        body("sphere", medium(1e-150)),
+        "sigma_t times scale is 1e-150: it must be 0 or in [1e-100,1e100]",
+    ),
+    "phase": (
+        body("sphere", medium(1).replace("isotropic", "blendphase")),
+        "is not supported (isotropic, hg)",
+    ),
+    "property": (
+        body("sphere", medium(1).replace("sigma_t", "sigma").replace("scale", "sigma_s")),
+        '"sigma_s"',
+    ),
+    "ref": (
+        body("sphere", '<ref id="m" name="interior"/>') + '<texture type="checkerboard" id="m"/>',
+        "can be referred to",
+    ),
 }
 
 
@@ -466,3 +523,37 @@ def test_an_integrator_of_which_it_is_not_known(oneray: Path, tmp_path: Path) ->
     done = run(oneray, tmp_path, scene(body("sphere", medium(1)) + LIGHT, "bdpt", depth=9))
     assert done.returncode == 2
     assert '<medium> is not supported with <integrator type="bdpt">: write volpath' in done.stderr
+
+
+# ---- Mistakes.
+
+MISTAKES = {mutant.name: mutant for mutant in mutants.catalogue(ROOT / "tests/mutants_media")}
+LIT_BY_A_BALL = (
+    '<shape type="sphere"><point name="center" x="0" y="1.5" z="3"/><float name="radius" value=".4"/>'
+    f'<emitter type="area">{number("radiance", 1)}</emitter></shape>'
+)
+SHOWN = {
+    "sky-in-a-ball": scene(body("sphere", medium(2, 0.8)) + SKY),
+    "half-space": scene(body("cube", medium(1e3, 0.5)) + SKY, fov=0.01),
+    "airlight": scene(LIT_BY_A_BALL, depth=2, fov=1, origin="0 0 0", target="0 0 1", eye=medium(0.5, 0.8, 0.8, "")),
+    "beer": scene(body("sphere", medium(0.5, 0)) + SKY, fov=0.01),
+    "two-slabs": scene(FLOOR + body("cube", medium(0.5, 0), SLAB.format(0.5, -2)) + LAMP.format(""), depth=2, fov=0.01,
+                       origin="0 0 0", target="0 0 1"),
+    "depth": scene(body("sphere", "") + SKY, depth=1),
+}  # fmt: skip
+WAYS = {"nee": ("--estimator", "nee"), "walk-cosine": ("--estimator", "walk"), "mis-default": ()}
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_seen(oneray: Path, tmp_path: Path, name: str) -> None:
+    mutant = MISTAKES[name]
+    text, way = SHOWN[mutant.scene], (*WAYS[mutant.shows], "--precision", "double")
+    right = mean(oneray, tmp_path, text, *way, spp=4000)
+    wrong = mean(mutants.program(mutant), tmp_path, text, *way, spp=4000)
+    assert np.all(np.abs(wrong[0] - right[0]) > 8 * np.hypot(right[1], wrong[1]) + 1e-3 * right[0]), (
+        right,
+        wrong,
+    )
+    with pytest.raises(AssertionError):
+        agree(wrong, right, 0.05)

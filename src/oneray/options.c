@@ -477,7 +477,8 @@ static bool passes_something(const Description *scene)
 {
     bool passes = scene->medium_count > 0;
     for (int i = 0; i < scene->material_count; i++)
-        passes = passes || scene->materials[i].kind == MATERIAL_NULL || material_traits(&scene->materials[i]).unbent;
+        passes = passes || scene->materials[i].kind == MATERIAL_NULL
+                 || material_traits(&scene->materials[i]).unbent;
     return passes;
 }
 
@@ -505,9 +506,11 @@ void options_check(const Options *options, const Description *scene)
     bool from_lights = options->technique.estimator >= ESTIMATOR_LIGHT;
     if (from_lights && scene->passing && passes_something(scene))
         die("%s: media, and boundaries that are no vertices (integrator volpath with null, mask or thindielectric), are not "
-            "supported with --estimator %s (walk, nee, mis)", options->scene, estimator);
+            "supported with --estimator %s (walk, nee, mis)",
+            options->scene, estimator);
     if (options->technique.light_choice == LIGHT_CHOICE_LEARNED && scene->passing && scene->medium_count)
-        die("%s: media are not supported with --light-choice learned (uniform, power, contribution)", options->scene);
+        die("%s: media are not supported with --light-choice learned (uniform, power, contribution)",
+            options->scene);
     if (from_lights && scene->hide_emitters)
         die("%s: hide_emitters is not supported with --estimator %s", options->scene, estimator);
     for (int i = 0; from_lights && i < scene->material_count; i++)

@@ -33,7 +33,8 @@ STAGE Mask comes_through_boundaries(
         }
         if (f.has & HAS_ANY(MEDIA)) {
             Matter matter = matter_of(&scene->media, medium);
-            transmitted = light_select(open, light_mul(transmitted, transmittance(&matter, hit.t)), transmitted);
+            transmitted =
+                light_select(open, light_mul(transmitted, transmittance(&matter, hit.t)), transmitted);
         }
         open = blocked & (hit.slot >= 0);
         if (!any(open))

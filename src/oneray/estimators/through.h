@@ -54,8 +54,8 @@ STAGE Mask fly(Path *path, const Matter *matter, Real to_surface, Real *t, Featu
 }
 
 /* L10 Next event estimation as in nee.h; where a medium scatters the phase function takes the place of f_r cosθ. */
-STAGE void next_event_through(Path *path, const Scene *scene, const Surface *s, const Matter *matter, Mask scattered,
-    Mask active, const Real choice[2], const Real point[2], Features f)
+STAGE void next_event_through(Path *path, const Scene *scene, const Surface *s, const Matter *matter,
+    Mask scattered, Mask active, const Real choice[2], const Real point[2], Features f)
 {
     Receiver at = {s->p, s->n, s->slot, s->both_sides};
     LightSample sample = sample_light(&scene->emitters, &at, choice, point, f);
@@ -86,15 +86,16 @@ STAGE void next_event_through(Path *path, const Scene *scene, const Surface *s, 
 
 /* The walk goes on: by the phase function, by the material, or straight through the boundary; the latter is no vertex, so
    that no roulette is played there. */
-STAGE void go_on_through(Path *path, const Scene *scene, const Surface *s, const Matter *matter, Mask scattered,
-    Real travelled, const Real which[2], const Real direction[2], Features f)
+STAGE void go_on_through(Path *path, const Scene *scene, const Surface *s, const Matter *matter,
+    Mask scattered, Real travelled, const Real which[2], const Real direction[2], Features f)
 {
     Scatter scatter = sample_material(&scene->materials, s, which, direction, f);
     Mask passes = and_not(is_passed(&scene->materials, s, which, scatter.wi, f), scattered);
     Mask last = and_not(is_last(path, scene), passes), turns = mask_not(passes);
     if (f.has & HAS_ANY(MEDIA)) {
         Vec wi = sample_phase(matter->g, path->ray.d, direction[0], direction[1]);
-        Scatter phase = {wi, light_all(real(1)), phase_pdf_w(matter->g, path->ray.d, wi), mask_none(), real(1)};
+        Scatter phase = {
+            wi, light_all(real(1)), phase_pdf_w(matter->g, path->ray.d, wi), mask_none(), real(1)};
         scatter = scatter_select(scattered, phase, scatter, f);
         Index medium = medium_towards(&scene->media, s, scatter.wi, path->medium);
         path->medium = index_select(scattered, path->medium, medium);
@@ -138,7 +139,8 @@ INLINE Hit hit_through(Path *path, const Scene *scene, Mask hiding, Features f)
 /* L7 The walk, by one event: a vertex on a surface or in a medium, or a boundary that is none. */
 STAGE void path_step_through(Path *path, const Scene *scene, Features f)
 {
-    Mask front, scattered = mask_none(), hiding = f.has & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
+    Mask front, scattered = mask_none(),
+                hiding = f.has & HAS_HIDDEN ? path->depth == index_of(0) : mask_none();
     Hit hit = hit_through(path, scene, hiding, f);
     Surface s = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
     Matter matter = {light_all(real(0)), light_all(real(0)), real(0)};

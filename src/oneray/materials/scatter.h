@@ -278,7 +278,8 @@ INLINE Light straight_part(const Materials *materials, Index row, const Surface 
         through = light_only(kind == index_of(MATERIAL_NULL), light_all(real(1)));
     if (f.has & HAS_THINDIELECTRIC) {
         size_t tint = ROW_AT(ThinDielectric, glass.transmittance);
-        Light pane = light_scale(reflectance_at(materials, row, tint, s, f), thindielectric_share(materials, row, s));
+        Light pane =
+            light_scale(reflectance_at(materials, row, tint, s, f), thindielectric_share(materials, row, s));
         through = light_select(kind == index_of(MATERIAL_THINDIELECTRIC), pane, through);
     }
     Real share = f.has & HAS_BLEND ? gather(materials->share, row) : real(1);
@@ -304,7 +305,8 @@ INLINE Light straight_through(const Materials *materials, const Surface *s, Feat
 /* Is that what sample_material chose by these numbers, and the direction wi? */
 INLINE Mask is_passed(const Materials *materials, const Surface *s, const Real which[2], Vec wi, Features f)
 {
-    Index kind = f.has & HAS_BLEND ? kind_of_row(materials, choose_part(materials, s, which[0], f), f) : s->kind;
+    Index kind =
+        f.has & HAS_BLEND ? kind_of_row(materials, choose_part(materials, s, which[0], f), f) : s->kind;
     Mask passed = mask_none();
     if (f.has & HAS_NULL)
         passed |= kind == index_of(MATERIAL_NULL);

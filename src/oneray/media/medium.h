@@ -17,9 +17,9 @@ typedef struct {
 
 typedef struct {
     MediumRow *rows; /* 0 is the vacuum */
-    Int *beyond;     /* by row of the tables by slot, its front and its back: the medium there, or UNCHANGED */
-    Int eye;         /* the sensor's */
-    int coloured;    /* extinction differs by channel */
+    Int *beyond; /* by row of the tables by slot, its front and its back: the medium there, or UNCHANGED */
+    Int eye; /* the sensor's */
+    int coloured; /* extinction differs by channel */
 } Media;
 enum { UNCHANGED = -1 };
 

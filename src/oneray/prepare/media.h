@@ -24,7 +24,8 @@ static void prepare_media(Scene *scene, const Description *d, const int *first_s
         m->beyond[row] = UNCHANGED;
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
-        for (int slot = first_slot[i]; slot < first_slot[i] + slots_of(shape->kind) && shape->exterior != MEDIUM_GOES_ON; slot++) {
+        for (int slot = first_slot[i];
+            slot < first_slot[i] + slots_of(shape->kind) && shape->exterior != MEDIUM_GOES_ON; slot++) {
             m->beyond[2 * slot] = (Int)shape->exterior;
             m->beyond[2 * slot + 1] = (Int)shape->interior;
         }

@@ -142,7 +142,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f.use |= USE_BIDIRECTIONAL;
     if (technique->estimator == ESTIMATOR_LIGHT)
         f.use |= USE_LIGHT_PATHS;
-    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0 && (f.has & (HAS_ANY(FINITE_MATERIALS) | HAS_ANY(MEDIA))))
+    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0
+             && (f.has & (HAS_ANY(FINITE_MATERIALS) | HAS_ANY(MEDIA))))
         f.use |= uses_of_lights(technique, f);
     return f;
 }
