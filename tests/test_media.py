@@ -90,7 +90,6 @@ ESTIMATORS = {
     "mis": (),
     "mis-balance": ("--mis", "balance", "--mis-pdf", "survival"),
     "mis-survival": ("--mis-pdf", "survival"),
-    "mis-sobol": ("--sampler", "sobol"),
 }
 
 # ---- The functions.
@@ -145,10 +144,10 @@ def test_furnace(oneray: Path, tmp_path: Path, kind: str, sigma: float, g: float
     text = scene(body(kind, medium(sigma, 1, g)) + SKY)
     pixels, _ = render(oneray, tmp_path, text, "--estimator", "walk", "--roulette", "survival", spp=50)
     assert np.all(np.abs(pixels - 1) < 1e-6)
-    for estimator in ("mis", "mis-balance") if sigma > 10 else ESTIMATORS:
-        if "sobol" not in estimator:
-            found = mean(oneray, tmp_path, text, *ESTIMATORS[estimator], spp=4000 if sigma < 100 else 500)
-            agree(found, exactly(1), 0.05 if (g or 0) < -0.9 else 8e-3)
+    peaked = abs(g or 0) > 0.9  # no sample of the sky finds the peak
+    for estimator in ("mis", "mis-balance") if peaked or sigma > 10 else ESTIMATORS:
+        found = mean(oneray, tmp_path, text, *ESTIMATORS[estimator], spp=4000 if sigma < 100 else 500)
+        agree(found, exactly(1), 0.05 if peaked else 8e-3)
 
 
 def test_furnace_of_colours(oneray: Path, tmp_path: Path) -> None:
@@ -182,7 +181,7 @@ FLOOR = body(
 )
 
 
-@pytest.mark.parametrize("estimator", ["nee", "mis", "mis-sobol"])
+@pytest.mark.parametrize("estimator", ["nee", "mis"])
 def test_shadow_rays_pass_boundaries(oneray: Path, tmp_path: Path, estimator: str) -> None:
     """A wall lit by a lamp in a point through nothing, an absorber, an empty body and another absorber: I ρ/πd² e^(-Σσt),
     exactly, in every sample, since the eye sees the wall from beside the lamp through the same.
@@ -245,9 +244,9 @@ def test_airlight(oneray: Path, tmp_path: Path, sigma: float, g: float, estimato
     )
     expected = airlight(sigma, 0.8, g, np.array([0, 1.5, 3]), 0.4, 6)
     few = estimator == "walk" or sigma < 0.1
-    spp = 400_000 if few else 100_000
+    spp = 800_000 if few else 100_000
     found = mean(oneray, tmp_path, text, *ESTIMATORS[estimator], "--roulette", "survival", spp=spp)
-    agree(found, exactly(expected), 0.06 if few else 0.02)
+    agree(found, exactly(expected), 0.08 if few else 0.02)
 
 
 def h_function(albedo: float, mu: float) -> float:
@@ -303,7 +302,7 @@ ROOMS = {
     "milk in glass": (body("sphere", medium(2, ".9,.7,.3", 0.3), "", '<bsdf type="dielectric"/>') + SKY + GROUND, ""),
     "rough boundary": (
         body("sphere", medium(1, 0.9), "", '<bsdf type="roughdielectric"><float name="alpha" value=".3"/></bsdf>')
-        + LIGHT + GROUND, "",
+        + SKY + GROUND, "",
     ),
     "masks and panes": (
         body("rectangle", "", '<translate z="-1.2"/>', MASK)
@@ -440,20 +439,13 @@ def test_defaults_are_mitsubas(oneray: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("room", [*ROOMS, "coloured"])
 def test_lanes(oneray: Path, tmp_path: Path, room: str, precision: str) -> None:
     content, eye = ROOMS.get(room, (COLOURED + LIGHT + SECOND + GROUND, ""))
-    text, films = scene(content, eye=eye, depth=20, size=8), {}
+    (tmp_path / "scene.xml").write_text(scene(content, eye=eye, depth=20, size=8))
+    films = {}
     for name, lanes in kernels(oneray):
         if name == precision:
-            options = (
-                "--samples",
-                "0:7",
-                "--film",
-                tmp_path / "film",
-                "--precision",
-                precision,
-                "--lanes",
-                lanes,
-            )
-            done = run(oneray, tmp_path, text, *map(str, options))
+            options = ["--samples", "0:7", "--film", tmp_path / "film", "--precision", precision]
+            command = [oneray, tmp_path / "scene.xml", *options, "--lanes", lanes, "--quiet"]
+            done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
             assert done.returncode == 0, done.stderr
             films[lanes] = (tmp_path / "film").read_bytes()
     assert len(set(films.values())) == 1, sorted(films)
