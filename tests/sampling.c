@@ -36,6 +36,7 @@ static void note_weight(int s, int t, double weight);
     } while (0)
 
 #include "estimators/bidirectional.h"
+#include "estimators/through.h"
 #include "prepare/prepare.h"
 #include "scene/stacks.h"
 
@@ -123,6 +124,24 @@ OVER_COLUMNS(cone)
     (void)scene;
     put_vec(b, 0, sample_cone(get(b, 0), get(b, 1), get(b, 2)));
     put(b, 3, pdf_w_cone(get(b, 2)));
+}
+/* ---- media/phase.h: g and the direction (3), then (u, v) to (x, y, z, pdf), or the other direction to its pdf. */
+OVER_COLUMNS(phase)
+{
+    (void)scene;
+    Vec d = get_vec(b, 1), w = sample_phase(get(b, 0), d, get(b, 4), get(b, 5));
+    put_vec(b, 0, w);
+    put(b, 3, phase_pdf_w(get(b, 0), d, w));
+}
+OVER_COLUMNS(phase_pdf)
+{
+    (void)scene;
+    put(b, 0, phase_pdf_w(get(b, 0), get_vec(b, 1), get_vec(b, 4)));
+}
+OVER_COLUMNS(logarithm)
+{
+    (void)scene;
+    put(b, 0, real_log(get(b, 0)));
 }
 OVER_COLUMNS(square)
 {

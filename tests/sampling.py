@@ -45,6 +45,7 @@ ROWS = {
     **dict.fromkeys(("square", "disk", "triangle"), 4),
     **{"dielectric": 3, "conductor": 1, "scatter": 21, "light_sample": 9, "light_hit": 4, "choose": 2},
     **{"sky": 4, "choice_of": 1, "emit": 10, "film_ray": 7, "eye": 9, "numbers": 4, "candidate_number": 1},
+    **{"phase": 4, "phase_pdf": 1, "logarithm": 1},
     **{"frame": 12, "evaluate": 7, "receiver": 8, "visibility": 4},
 }
 

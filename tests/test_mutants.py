@@ -84,20 +84,20 @@ def kinds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-BESIDE = {
-    m.name: m
-    for folder in ("mutants_bidirectional", "mutants_resampled", "mutants_photons")
-    for m in mutants.catalogue(ROOT / "tests" / folder)
+OTHERS = {
+    mutant.name: mutant
+    for folder in ("mutants_bidirectional", "mutants_resampled", "mutants_photons", "mutants_media")
+    for mutant in mutants.catalogue(ROOT / "tests" / folder)
 }
 
 
 @pytest.mark.sample(30)
-@pytest.mark.parametrize("name", [*CATALOGUE, *BESIDE])
+@pytest.mark.parametrize("name", [*CATALOGUE, *OTHERS])
 def test_every_patch_compiles(tmp_path: Path, kinds: Path, name: str) -> None:
     """What changes around it, as the arguments of a function that it calls, may leave a patch that applies
     and is no program any more.
     """
-    mutant = (CATALOGUE | BESIDE)[name]
+    mutant = (CATALOGUE | OTHERS)[name]
     shutil.copytree(ROOT / "src/oneray", tmp_path / "src/oneray")
     touched = mutants.apply(mutant, tmp_path)
     files = {path for path in touched if path.endswith(".c")}

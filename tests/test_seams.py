@@ -1,4 +1,4 @@
-"""Seams: a stretch of a ray can have a transmittance, a blend can have several finite parts, paths can be
+"""Seams: paths can go through media and boundaries, a blend can have several finite parts, paths can be
 bidirectional. They serve where they are asked for, and are not there where not.
 """
 
@@ -15,7 +15,9 @@ from sampling import SOURCES
 
 # What stands in the sources for nothing else, and how often.
 SEAMS = {
-    "estimators/nee.h": (r"    if \(f\.has & HAS_ANY\(MEDIA\)\)\n        \*light = .*\n", 1),
+    "estimators/nee.h": (r"    if \(f\.has & HAS_PASSING\)\n        return .*\n", 1),
+    "kernel/trace.h": (r" +(?:else )?if \(f\.has & HAS_PASSING\)\n +path_.*\n", 3),
+    "emitters/choice.h": (r"    if \(f\.has & HAS_ANY\(MEDIA\)\).*\n        d_cos_i = .*\n", 1),
     "materials/scatter.h": (r"    if \(f\.has & HAS_PARTS\)\n        evaluate_other_parts\(.*\n", 1),
 }
 INSTANCE = "-DLIST(X)=X(room, trace_paths, ROOM | HAS_DIELECTRIC, PANELS)"

@@ -25,6 +25,7 @@ static void sky_alone(Description *d)
 {
     for (int i = 0; i < d->shape_count; i++)
         d->shapes[i].front = d->shapes[i].back = d->shapes[i].emitter = -1;
+    d->passing = false;
     d->emitters[0] = (Emitter){.kind = EMITTER_CONSTANT, .shape = -1, .as.constant = {{1, 1, 1}}};
     d->emitter_count = d->max_depth = 1;
     d->hide_emitters = false;

@@ -2,7 +2,7 @@
    these lines come the enums, the bits of the feature mask, the reader's tables of plugins, the features of a scene
    and the places where a kernel chooses between kinds. The Makefile makes kinds/FOLDER.h, which includes the files
    of a folder. What a kind's file defines is said where its list is used: materials/material.h, shapes/shape.h,
-   textures/texture.h, emitters/emitter.h, sensors/eye.h, filters/filter.h.
+   textures/texture.h, emitters/emitter.h, media/medium.h, sensors/eye.h, filters/filter.h.
 
    A line: the kind in capitals, its name in code, its words in --stats. The kind's file, FOLDER/NAME.h, begins with
    what a scene file says of it: a struct NAME, the table NAME_plugin that it is read by (fields.h), and what others
@@ -58,7 +58,8 @@
 #define TEXTURES(X)                                                                                          \
     X(CHECKERBOARD, checkerboard, "checkerboard")                                                            \
     X(BITMAP, bitmap, "bitmap")
-#define MEDIA(X)
+/* What is between surfaces. */
+#define MEDIA(X) X(HOMOGENEOUS, homogeneous, "homogeneous medium")
 #define SENSORS(X)                                                                                           \
     X(PERSPECTIVE, perspective, "perspective")                                                               \
     X(THINLENS, thinlens, "thin lens")                                                                       \
@@ -88,10 +89,10 @@
     X(UV, uv, "texture coordinates")                                                                         \
     X(ANISOTROPIC, anisotropic, "anisotropic roughness")                                                     \
     X(BECKMANN, beckmann, "Beckmann's distribution")                                                         \
-    X(FILTER, filter, "filter that is no pixel")
+    X(FILTER, filter, "filter that is no pixel")                                                             \
+    X(PASSING, passing, "boundaries that are no vertices")
 
-/* The empty lists are seams for what is to come: nothing of today sets them.
-   What a technique does with it (technique.h). */
+/* What a technique does with it (technique.h). */
 #define USES(X)                                                                                              \
     X(NEE, nee, "next event estimation")                                                                     \
     X(MIS, mis, "multiple importance sampling")                                                              \
@@ -123,6 +124,9 @@ typedef enum { SHAPES(X) SHAPE_KINDS } ShapeKind;
 #undef X
 #define X(NAME, name, words) EMITTER_##NAME,
 typedef enum { EMITTERS(X) EMITTER_KINDS } EmitterKind;
+#undef X
+#define X(NAME, name, words) MEDIUM_##NAME,
+typedef enum { MEDIA(X) MEDIUM_KINDS } MediumKind;
 #undef X
 #define X(NAME, name, words) SENSOR_##NAME,
 typedef enum { SENSORS(X) SENSOR_KINDS } SensorKind;

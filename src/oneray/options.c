@@ -499,6 +499,15 @@ static const Material *absorbs_nothing(const Description *scene)
     return NULL;
 }
 
+static bool passes_something(const Description *scene)
+{
+    bool passes = scene->medium_count > 0;
+    for (int i = 0; i < scene->material_count; i++)
+        passes = passes || scene->materials[i].kind == MATERIAL_NULL
+                 || material_traits(&scene->materials[i]).unbent;
+    return passes;
+}
+
 void options_check(const Options *options, const Description *scene)
 {
     const Frame *frame = &scene->sensor.frame;
@@ -521,6 +530,15 @@ void options_check(const Options *options, const Description *scene)
     }
     const char *estimator = estimators[options->technique.estimator];
     bool from_lights = options->technique.estimator >= ESTIMATOR_LIGHT;
+    const int choice = options->technique.light_choice;
+    bool passing = scene->passing && passes_something(scene);
+    if (from_lights && passing)
+        die("%s: media, and boundaries that are no vertices (integrator volpath with null, mask or thindielectric), are not "
+            "supported with --estimator %s (walk, nee, mis)",
+            options->scene, estimator);
+    if (passing && (choice == LIGHT_CHOICE_RESAMPLED || (choice == LIGHT_CHOICE_LEARNED && scene->medium_count)))
+        die("%s: media%s are not supported with --light-choice %s (uniform, power, contribution)", options->scene,
+            choice == LIGHT_CHOICE_RESAMPLED ? ", and boundaries that are no vertices," : "", light_choices[choice]);
     if (from_lights && scene->hide_emitters)
         die("%s: hide_emitters is not supported with --estimator %s", options->scene, estimator);
     for (int i = 0; from_lights && i < scene->material_count; i++)

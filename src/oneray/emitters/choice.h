@@ -33,6 +33,8 @@ STAGE Below node_importance(const LightTree *tree, Index node, const Receiver *a
     Mask within = along * sine > across * cone;
     Real d_cos_i = vec_dot(at->n, to_center);
     d_cos_i = select(at->both_sides, real_abs(d_cos_i), d_cos_i);
+    if (f.has & HAS_ANY(MEDIA)) /* without a normal */
+        d_cos_i = select(vec_dot(at->n, at->n) > real(0), d_cos_i, real_sqrt(dd));
     Real d_cos_o = select(within, real_sqrt(dd), along * cone + across * sine);
     d_cos_i = real_max(d_cos_i, real(DOUBTFUL) * real_max(d_cos_i + radius, real(0)));
     Real slack = only(NODE(count) > real(1),

@@ -97,7 +97,7 @@ typedef struct {
     Num world_center[3], world_radius; /* a ball around the scene, which far lights shine on */
 } Emitters;
 
-/* The point that light is wanted at: n is the normal on the side that matters, slot what it lies on. */
+/* The point that light is wanted at: n is the normal on the side that matters (0 in a medium), slot what it lies on. */
 typedef struct {
     Vec p, n;
     Index slot;

@@ -1,18 +1,17 @@
 /* L10 Next event estimation. */
 #pragma once
 
+#include "estimators/passage.h"
 #include "estimators/resampled.h"
-#include "media/medium.h"
 
-/* L3 V: does light come through from the ray's end, at most tmax away, and (in a medium) how much of it? */
+/* L3 V: does light come through from the ray's end, at most tmax away, and of `light`, how much? */
 INLINE Mask comes_through(
     Path *path, const Scene *scene, const Ray *ray, Mask active, Index target, Light *light, Features f)
 {
+    if (f.has & HAS_PASSING)
+        return comes_through_boundaries(path, scene, *ray, active, target, light, f);
     path->shadow_rays += active;
-    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, ray, active, target, f));
-    if (f.has & HAS_ANY(MEDIA))
-        *light = light_mul(*light, transmittance(ray, f));
-    return arrives;
+    return and_not(active, shapes_occluded(&scene->shapes, ray, active, target, f));
 }
 
 /* L10 Next event estimation: one ray to one light, L_o ≈ (1/p_i) f_r L V A cosθi cosθo / d². L13: weighed

@@ -21,6 +21,14 @@ typedef struct {
     Real roulette; /* uniform in (0, 1), whatever the path has survived */
     Index rays, shadow_rays; /* how many, by lane, counted downwards where a mask is -1 */
     Hit first_hit; /* AHEAD */
+    Vec vertex;             /* HAS_PASSING: where the last vertex is, … */
+    Index vertex_slot;      /* … the slot that it lies on, … */
+    Real travelled;         /* … how far from it the ray starts, … */
+    Index events;           /* … and vertices and boundaries before that which the ray goes to */
+    Index medium, channel;  /* HAS_ANY(MEDIA): which the ray is in; which flights are by, … */
+    Index shadow_medium;    /* in which its ray to a light starts, … */
+    Real reach;             /* … and the chance that the walk would have come along that */
+    Light densities;        /* … and the path's density had it been by another, over the mean */
     Mask unreachable; /* light tracing: the eye saw a surface that no light path can be joined to it at */
 } Path;
 

@@ -4,6 +4,7 @@
 #include "kernel/kernel.h"
 #include "estimators/bidirectional.h"
 #include "estimators/photons.h"
+#include "estimators/through.h"
 
 /* The samples of a job, in order, W at a time: their camera rays are made together, then given out lane by
    lane as paths end. */
@@ -65,6 +66,8 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
         path->first_hit = start->hit;
         *busy = mask_all();
         path_start(path, *busy);
+        if (f.has & HAS_PASSING)
+            path_enters(path, scene, *busy, f);
         return;
     }
     for (unsigned idle = mask_bits(mask_not(*busy)); idle && queue->next < queue->count; idle &= idle - 1) {
@@ -90,6 +93,8 @@ INLINE void refill(Path *path, Queue *queue, const Scene *scene, const Job *job,
     }
     *busy |= fresh;
     path_start(path, fresh);
+    if (f.has & HAS_PASSING)
+        path_enters(path, scene, fresh, f);
 }
 
 /* Puts away the radiance of each lane whose path has ended; light paths have none. */
@@ -141,6 +146,8 @@ INLINE void trace_paths(const Scene *scene, const Job *job, Counters *counters, 
             photon_step(&path, scene, queue.item, job->photons, as_flux(f));
         else if (f.use & USE_PHOTONS)
             gather_step(&path, scene, job->map, f);
+        else if (f.has & HAS_PASSING)
+            path_step_through(&path, scene, f);
         else
             path_step(&path, scene, f);
         Mask endless = path.alive & (path.depth + 1 >= index_of(PATH_LIMIT));

@@ -423,6 +423,21 @@ STAGE Real real_exp(Real x)
     return bits_real(real_bits(sum) + ((real_bits(k + big) - real_bits(big)) << BY_PRECISION(23, 52)));
 }
 
+/* ln a of a normal number above 0: a = 2ᵏ m, √½ < m < √2, and the series of the area tangent of (m - 1)/(m + 1), which
+   reaches 1e-18 at s^23 (double) or 1e-10 at s^11 (single). */
+STAGE Real real_log(Real a)
+{
+    const int last = BY_PRECISION(11, 23);
+    Bits offset = real_bits(a) - real_bits(real(0.70710678118654752440)); /* m begins there */
+    Bits k = (Bits)((Index)offset >> BY_PRECISION(23, 52));
+    Real m = bits_real(real_bits(a) - (k << BY_PRECISION(23, 52)));
+    Real s = (m - real(1)) / (m + real(1)), ss = s * s, sum = real(1.0 / last);
+    for (int n = last - 2; n > 0; n -= 2)
+        sum = real(1.0 / n) + ss * sum;
+    Real count = bits_real(real_bits(INTEGERS) + k) - INTEGERS;
+    return count * real(0.69314718055994530942) + (s + s) * sum;
+}
+
 /* The angle of (x, y) in [0, π], for y >= 0, not both 0. Folded to an eighth of a turn and turned back by 0, 1
    or 2 sixteenths it is below π/16, where the series of the arctangent reaches 1e-17 at t^21 (double) or 1e-9
    at t^9 (single). */

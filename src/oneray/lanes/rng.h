@@ -10,8 +10,9 @@
 
 /* Which block of four numbers. The camera's: the point of the film, roulette. For each vertex of the path two:
    the point on the light, the direction of the bounce; and where there are several, which light, which part of
-   the material. For the start of a light path, beside the camera's. */
-enum { DIMENSION_EMITTER = -1, DIMENSION_CAMERA, DIMENSION_VERTEX, DIMENSION_CHOICE };
+   the material. For the start of a light path, beside the camera's. For a stretch of a path through a medium, with
+   its number counted downwards from 0 for the vertex: how far it flies. */
+enum { DIMENSION_FLIGHT = -2, DIMENSION_EMITTER, DIMENSION_CAMERA, DIMENSION_VERTEX, DIMENSION_CHOICE };
 
 typedef struct {
     Bits pixel, sample_low, sample_high;    /* 32 bits each */

@@ -1,5 +1,5 @@
-/* P4 Null: a surface that light passes as if it were not there. To an estimator it is a vertex like any other, as in
-   Mitsuba's path: it counts as a bounce, and no ray to a light passes it. */
+/* P4 Null: a surface that light passes as if it were not there. To path it is a vertex like any other, as in Mitsuba: it
+   counts as a bounce, and no ray to a light passes it. To volpath it is none (estimators/through.h). */
 #pragma once
 
 #include "fields.h"

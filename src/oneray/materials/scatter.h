@@ -266,3 +266,51 @@ STAGE Scatter sample_material(
     }
     return out;
 }
+
+/* ---- What goes straight through a surface, as if it were not there: HAS_PASSING. */
+
+/* Of a row's light, what share of all. */
+INLINE Light straight_part(const Materials *materials, Index row, const Surface *s, Features f)
+{
+    Index kind = kind_of_row(materials, row, f);
+    Light through = light_all(real(0));
+    if (f.has & HAS_NULL)
+        through = light_only(kind == index_of(MATERIAL_NULL), light_all(real(1)));
+    if (f.has & HAS_THINDIELECTRIC) {
+        size_t tint = ROW_AT(ThinDielectric, glass.transmittance);
+        Light pane =
+            light_scale(reflectance_at(materials, row, tint, s, f), thindielectric_share(materials, row, s));
+        through = light_select(kind == index_of(MATERIAL_THINDIELECTRIC), pane, through);
+    }
+    Real share = f.has & HAS_BLEND ? gather(materials->share, row) : real(1);
+    return light_scale(through, f.has & HAS_WEIGHTS ? share * textured_share(materials, row, s, f) : share);
+}
+
+INLINE Light straight_through(const Materials *materials, const Surface *s, Features f)
+{
+    Index row = s->row;
+    Light sum = straight_part(materials, row, s, f);
+    if (!(f.has & HAS_BLEND))
+        return sum;
+    for (int layer = 1; layer < materials->layers; layer++) {
+        Mask more = gather(materials->p_stay, row) < real(1);
+        if (!any(more))
+            break;
+        row = index_select(more, gather_index(materials->next, row), row);
+        sum = light_add(sum, light_only(more, straight_part(materials, row, s, f)));
+    }
+    return sum;
+}
+
+/* Is that what sample_material chose by these numbers, and the direction wi? */
+INLINE Mask is_passed(const Materials *materials, const Surface *s, const Real which[2], Vec wi, Features f)
+{
+    Index kind =
+        f.has & HAS_BLEND ? kind_of_row(materials, choose_part(materials, s, which[0], f), f) : s->kind;
+    Mask passed = mask_none();
+    if (f.has & HAS_NULL)
+        passed |= kind == index_of(MATERIAL_NULL);
+    if (f.has & HAS_THINDIELECTRIC)
+        passed |= (kind == index_of(MATERIAL_THINDIELECTRIC)) & (vec_dot(s->n, wi) < real(0));
+    return passed;
+}

@@ -31,12 +31,17 @@ static inline void thindielectric_row(const ThinDielectric *m, int side, ThinDie
 }
 
 /* With t the transmittance of a face and r = 1 - t: t (1 + r² + r⁴ + …) t = t/(2 - t) goes through. */
+INLINE Real thindielectric_share(const Materials *materials, Index row, const Surface *s)
+{
+    Real ratio = ROW_REAL(materials, row, ThinDielectric, glass.ratio);
+    Real t = fresnel_transmittance(s->cos_o, refracted_cosine(s->cos_o, ratio), ratio);
+    return t / (real(2) - t);
+}
+
 INLINE Scatter thindielectric_sample(
     const Materials *materials, const Part *part, const Surface *s, const Real u[2], Features f)
 {
-    Real ratio = ROW_REAL(materials, part->row, ThinDielectric, glass.ratio);
-    Real t = fresnel_transmittance(s->cos_o, refracted_cosine(s->cos_o, ratio), ratio);
-    Mask reflects = real(1) - u[0] >= t / (real(2) - t);
+    Mask reflects = real(1) - u[0] >= thindielectric_share(materials, part->row, s);
     Light tint = reflectance_at(materials, part->row, ROW_AT(ThinDielectric, glass.transmittance), s, f);
     return (Scatter){vec_select(reflects, mirrored(s), vec_neg(s->wo)),
         light_select(reflects, part->reflectance, tint), real(0), mask_all(), real(1)};

@@ -3,6 +3,7 @@
 
 #include "prepare/emitters.h"
 #include "prepare/materials.h"
+#include "prepare/media.h"
 
 static void prepare_camera(Camera *camera, const Sensor *sensor)
 {
@@ -112,6 +113,10 @@ static Features features_of(const Description *d, const Technique *technique)
     }
     if (has_finite_parts(d))
         f.has |= HAS_PARTS;
+    for (int i = 0; d->passing && i < d->medium_count; i++)
+        f.has |= HAS_OF(HOMOGENEOUS, d->media[i].kind);
+    if (d->passing && (f.has & (HAS_ANY(MEDIA) | HAS_NULL | HAS_THINDIELECTRIC)))
+        f.has |= HAS_PASSING;
     if (count_primitives(d) > LOOP_MOST)
         f.has |= HAS_TREE;
     for (int i = 0; i < d->emitter_count; i++) {
@@ -142,7 +147,8 @@ static Features features_of(const Description *d, const Technique *technique)
         f.use |= USE_LIGHT_PATHS;
     else if (technique->estimator == ESTIMATOR_PHOTONS)
         f.use |= USE_PHOTONS;
-    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0 && (f.has & HAS_ANY(FINITE_MATERIALS)))
+    else if (technique->estimator != ESTIMATOR_WALK && emitters > 0
+             && (f.has & (HAS_ANY(FINITE_MATERIALS) | HAS_ANY(MEDIA))))
         f.use |= uses_of_lights(technique, f);
     return f;
 }
@@ -156,6 +162,8 @@ static void *prepare(const Description *d, const Technique *technique, Features 
     prepare_materials(scene, d, first_slot);
     if (features.has & HAS_ANY(TEXTURES))
         prepare_textures(scene, d);
+    if (features.has & HAS_ANY(MEDIA))
+        prepare_media(scene, d, first_slot);
     prepare_emitters(scene, d, technique, first_slot);
     prepare_camera(&scene->camera, &d->sensor);
     scene->max_depth = d->max_depth < 0 || d->max_depth > PATH_LIMIT ? PATH_LIMIT : (Int)d->max_depth;

@@ -5,10 +5,12 @@
 #include "sensors/sensor.h"
 #include "emitters/lesson.h"
 #include "materials/scatter.h"
+#include "media/medium.h"
 
 typedef struct {
     Shapes shapes;
     Materials materials;
+    Media media;
     Emitters emitters;
     Camera camera;
     FilterRow filter;

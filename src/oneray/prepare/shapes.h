@@ -172,7 +172,8 @@ static void place_shapes(Scene *scene, const Description *d, int *first_slot)
     for (int i = 0; i < d->shape_count; i++) {
         const Shape *shape = &d->shapes[i];
         ShapeKind kind = kind_in_kernel(shape);
-        bool edge = shape_planes(shape->kind) == 1 && !(scene->features.has & HAS_TREE) && at_the_edge(d, shape, bounds);
+        bool edge = shape_planes(shape->kind) == 1 && !(scene->features.has & (HAS_TREE | HAS_ANY(MEDIA)))
+                    && at_the_edge(d, shape, bounds);
         Filling *filling = kind == SHAPE_ALIGNED ? &of_axis[aligned_axis(shape)] : &of_kind[kind];
         int place = next_place(filling, !edge);
         set_shape_row(s->rows[kind], place, shape);

@@ -438,12 +438,46 @@ static const Node *read_bsdf(Builder *builder, Node *node)
     return bsdf;
 }
 
+/* Media. */
+
+static const Plugin *const media[] = {MEDIA(PLUGIN)};
+static const Plugin *const phases[] = {&isotropic_plugin, &hg_plugin};
+
+static void read_phase(Builder *builder, Node *node)
+{
+    Medium *medium = &builder->description->media[builder->description->medium_count - 1];
+    const Plugin *plugin = phases[find_plugin(node, phases, COUNT(phases))];
+    read_plugin(builder, node, plugin, "", &medium->phase);
+}
+
+static void add_medium(Builder *builder, Node *node)
+{
+    Description *d = builder->description;
+    int kind = find_plugin(node, media, COUNT(media));
+    Medium medium = {.kind = (MediumKind)kind, .file = node->file, .line = node->line};
+    Node *phase = only_part(builder, node, "phase");
+    read_plugin(builder, node, media[kind], "<phase>, <ref>", &medium.as);
+    check_refs(builder, node, "<phase>");
+    PUSH(d->media, d->medium_count, medium);
+    node->front = d->medium_count;
+    if (phase)
+        read_phase(builder, meant_by(builder, phase, "<phase>"));
+}
+
+/* The number of this <medium>, or of the one that a <ref> means. */
+static int read_medium(Builder *builder, Node *node)
+{
+    Node *medium = meant_by(builder, node, "<medium>");
+    read_once(builder, add_medium, medium);
+    return medium->front;
+}
+
 /* Lights and shapes. */
 
 static const Plugin *const emitters[] = {EMITTERS(PLUGIN)};
 
 /* Of a shape, or of the scene itself: -1. */
-static int read_emitter(Builder *builder, const Node *node, int shape)
+static int read_emitter(Builder *builder, Node *node, int shape)
 {
     Description *d = builder->description;
     int kind = shape < 0 ? find_plugin(node, emitters, COUNT(emitters)) : plugin_of(node, emitters, COUNT(emitters));
@@ -453,7 +487,8 @@ static int read_emitter(Builder *builder, const Node *node, int shape)
         fail(node, "%s cannot stand in a <shape>: only area does", describe(node));
     if (shape < 0 && from == FROM_SHAPE)
         fail(node, "%s must stand in a <shape>, which is what shines", describe(node));
-    read_plugin(builder, node, emitters[kind], "", &light.as);
+    read_plugin(builder, node, emitters[kind], "<medium>, <ref>", &light.as);
+    check_refs(builder, node, "<medium>");
     if (from == FROM_AROUND) {
         const Node *first = builder->environment;
         if (first)
@@ -473,7 +508,7 @@ static void read_sides(Builder *builder, Node *node)
     Shape *shape = builder->shape;
     Node *bsdf = only_part(builder, node, "bsdf");
     shape->front = shape->back = MATERIAL_NONE;
-    check_refs(builder, node, "<bsdf>, <emitter>");
+    check_refs(builder, node, "<bsdf>, <emitter>, <medium>");
     if (bsdf) {
         const Node *material = read_bsdf(builder, bsdf);
         shape->front = material->front;
@@ -491,7 +526,25 @@ static void read_form(Builder *builder, Node *node)
 {
     int kind = find_plugin(node, shapes, COUNT(shapes));
     builder->shape->kind = (ShapeKind)kind;
-    *builder->said = read_plugin(builder, node, shapes[kind], "<bsdf>, <ref>, <emitter>", &builder->shape->as);
+    *builder->said = read_plugin(builder, node, shapes[kind], "<bsdf>, <ref>, <emitter>, <medium>", &builder->shape->as);
+}
+
+/* Of a shape that names one of the two the other is none. */
+static void read_media(Builder *builder, Node *node)
+{
+    int side[2] = {MEDIUM_GOES_ON, MEDIUM_GOES_ON};
+    for (Node *part = first_part(builder, node->first, "medium"); part; part = first_part(builder, part->next, "medium")) {
+        const char *name = attribute(part, "name");
+        int which = find_word("exterior, interior", name ? name : "");
+        if (which < 0)
+            fail(part, "a <%s> to a medium in <shape> needs name=\"interior\" or name=\"exterior\", the side of the shape", part->tag);
+        if (side[which] != MEDIUM_GOES_ON)
+            fail(part, "a second medium of the %s of <shape>", name);
+        side[which] = read_medium(builder, part);
+    }
+    bool boundary = side[0] != side[1];
+    builder->shape->exterior = boundary && side[0] < 0 ? 0 : side[0];
+    builder->shape->interior = boundary && side[1] < 0 ? 0 : side[1];
 }
 
 static void read_shine(Builder *builder, Node *node)
@@ -515,6 +568,7 @@ static void read_shape(Builder *builder, Node *node)
     builder->said = &said;
     bool right = reads(builder, read_form, node);
     right &= reads(builder, read_sides, node);
+    right &= reads(builder, read_media, node);
     right &= reads(builder, read_shine, node);
     if (!right)
         give_up();
@@ -533,7 +587,8 @@ static void read_shape(Builder *builder, Node *node)
 
 static void path_check(void *plugin, Said *said)
 {
-    const Description *d = plugin;
+    Description *d = plugin;
+    d->passing = find_word("volpath, volpathmis, prbvolpath, volpath_simple", said->type) >= 0;
     if (d->max_depth == 0)
         fail(given(said, "max_depth"), "\"max_depth\" 0 is a black image: -1 is without limit, 1 emission only");
     if (find_word("photonmap, ppm, sppm", said->type) >= 0)
@@ -541,8 +596,9 @@ static void path_check(void *plugin, Said *said)
     else if (strcmp(said->type, "ptracer") == 0)
         note(said, "<integrator type=\"ptracer\"> is rendered as path, which has the same mean, and what mirrors and "
              "glass show besides");
-    else if (strcmp(said->type, "path") != 0)
-        note(said, "<integrator type=\"%s\"> is rendered as path, which has the same mean", said->type);
+    else if (find_word("path, volpath", said->type) < 0)
+        note(said, "<integrator type=\"%s\"> is rendered as %s, which has the same mean", said->type,
+            d->passing ? "volpath" : "path");
 }
 
 static void direct_check(void *plugin, Said *said)
@@ -739,8 +795,10 @@ static void read_view(Builder *builder, Node *node)
     sensor->kind = (SensorKind)kind;
     sensor->file = node->file;
     sensor->line = node->line;
-    read_plugin(builder, node, sensors[kind], "<film>, <sampler>, <ref>", &sensor->as);
+    read_plugin(builder, node, sensors[kind], "<film>, <sampler>, <ref>, <medium>", &sensor->as);
 }
+
+static void read_surroundings(Builder *builder, Node *node) { builder->description->eye = read_medium(builder, node); }
 
 /* Without a film, or a filter, with Mitsuba's. */
 static void read_sensor(Builder *builder, Node *node)
@@ -749,7 +807,8 @@ static void read_sensor(Builder *builder, Node *node)
     Node *film = only_part(builder, node, "film"), *sampler = only_part(builder, node, "sampler");
     film = film ? meant_by(builder, film, "<film>") : NULL;
     sampler = sampler ? meant_by(builder, sampler, "<sampler>") : NULL;
-    check_refs(builder, node, "<film>, <sampler>");
+    check_refs(builder, node, "<film>, <sampler>, <medium>");
+    Node *medium = only_part(builder, node, "medium");
     Node *filter = film ? only_part(builder, film, "rfilter") : NULL;
     sensor->frame = (Frame){.film_width = 768, .film_height = 576};
     sensor->filter = (Filter){.kind = FILTER_GAUSSIAN, .as.gaussian = {.5}};
@@ -757,6 +816,7 @@ static void read_sensor(Builder *builder, Node *node)
     right &= reads(builder, read_film, film);
     right &= reads(builder, read_filter, filter ? meant_by(builder, filter, "<rfilter>") : NULL);
     right &= reads(builder, read_sampler, sampler);
+    right &= reads(builder, read_surroundings, medium);
     if (!right)
         give_up();
     set_frame(builder, film ? film : node);
@@ -825,14 +885,28 @@ static void check_light(Builder *builder, Node *node)
 
 static void check_bsdf(Builder *builder, Node *node) { read_bsdf(builder, node); }
 static void check_texture(Builder *builder, Node *node) { read_texture(builder, node); }
+static void check_medium(Builder *builder, Node *node) { read_medium(builder, node); }
+
+/* Mitsuba's path does not see them; of other integrators, some of Mitsuba 0.6, that is not known. */
+static void check_media(Builder *builder, Node *root)
+{
+    const Description *d = builder->description;
+    const Node *integrator = first_of(root->first, "integrator");
+    const char *type = integrator ? attribute(integrator, "type") : "path";
+    if (!d->medium_count || d->passing)
+        return;
+    if (find_word("path, direct, prb, prb_basic, aov, moment, adaptive", type) < 0)
+        fail(&d->media[0], "<medium> is not supported with <integrator type=\"%s\">: write volpath", type);
+    note(&d->media[0], "<medium> is left out: <integrator type=\"%s\"> sees none, as in Mitsuba; volpath does", type);
+}
 
 static void check_ref(Builder *builder, Node *node)
 {
     const Node *found = find_id(builder->file, attribute(node, "id"));
     if (!found)
         fail(node, "<ref id=\"%.80s\"/>: nothing has this id", attribute(node, "id"));
-    if (!is_among(found, "<sensor>, <bsdf>, <texture>"))
-        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and in <scene> only a <sensor>, <bsdf> or <texture> can be referred to",
+    if (!is_among(found, "<sensor>, <bsdf>, <texture>, <medium>"))
+        fail(node, "<ref id=\"%.80s\"/>: that is a <%s>, and in <scene> only a <sensor>, <bsdf>, <texture> or <medium> can be referred to",
              attribute(node, "id"), found->tag);
 }
 
@@ -841,7 +915,7 @@ static void check_root(Builder *builder, Node *root)
     Said said;
     (void)builder;
     read_fields(root, &(Field){0}, "<default>, <path>, <alias>, <integrator>, <sensor>, <film>, <rfilter>, <sampler>, <bsdf>, <texture>, <shape>, <emitter>, "
-        "<ref>", NULL, &said);
+        "<ref>, <medium>, <phase>", NULL, &said);
     for (const Node *child = root->first; child; child = child->next)
         if (is_among(child, "<film>, <rfilter>, <sampler>") && !attribute(child, "id"))
             note(child, "<%s> in <scene> is left out: give it an id, and a <ref> where it shall be", child->tag);
@@ -888,7 +962,7 @@ static void read_scene(Builder *builder, Node *root)
     static const ScenePart seen[] = {{"integrator", read_integrator}, {"shape", read_shape}, {"emitter", read_light},
         {"ref", check_ref}, {NULL, NULL}};
     static const ScenePart named[] = {{"bsdf", check_bsdf}, {"texture", check_texture}, {"emitter", check_light},
-        {NULL, NULL}};
+        {"medium", check_medium}, {NULL, NULL}};
     Description *d = builder->description;
     if (strcmp(root->tag, "scene") != 0)
         fail(root, "the outermost element must be <scene version=\"3.0.0\">, not <%s>", root->tag);
@@ -899,9 +973,11 @@ static void read_scene(Builder *builder, Node *root)
     read_parts(builder, root, seen);
     if (d->strict_normals)
         reads(builder, check_strict_normals, first_of(root->first, "integrator"));
-    int used_materials = d->material_count;       /* what no shape uses is checked and left out */
+    reads(builder, check_media, root);
+    int used_materials = d->material_count, used_media = d->medium_count; /* what no shape uses is checked and left out */
     read_parts(builder, root, named);
     d->material_count = used_materials;
+    d->medium_count = used_media;
     end_if_wrong();
 }
 

@@ -116,6 +116,7 @@ void description_free(Description *description)
         return;
     free(description->materials);
     free(description->textures);
+    free(description->media);
     free(description->shapes);
     free(description->emitters);
     mesh_free(&description->mesh);

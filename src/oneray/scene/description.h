@@ -8,12 +8,15 @@
 #include "kinds.h"
 #include "kinds/emitters.h"
 #include "kinds/materials.h"
+#include "kinds/media.h"
 #include "kinds/sensors.h"
 #include "kinds/shapes.h"
 #include "kinds/textures.h"
+#include "media/phase.h"
 #include "meshes/mesh.h"
 #include "trees/mesh_tree.h"
 
+enum { MEDIUM_GOES_ON = -1 }; /* what is before a surface is behind it, too */
 enum { MATERIAL_NONE = -1 }; /* black: what a one-sided material is from behind */
 
 #define X(NAME, name, words) struct name name;
@@ -45,11 +48,23 @@ typedef struct {
 } Texture;
 
 typedef struct {
+    MediumKind kind;
+    const char *file; /* with line, where it stands */
+    int line;
+    Phase phase;
+    union {
+        MEDIA(X)
+    } as;
+} Medium;
+
+typedef struct {
     ShapeKind kind; /* never ALIGNED */
     const char *file; /* with line, where it stands */
     int line;
     int front, back; /* index into materials, or MATERIAL_NONE, by side of the normal */
     int emitter;     /* index into emitters, or -1 */
+    int exterior, interior; /* a medium's number, from 1 on, by side of the normal; 0 none. Of a shape that is no boundary of
+                               media both are MEDIUM_GOES_ON */
     union {
         Placed placed; /* what all begin with */
         FILE_SHAPES(X)
@@ -89,6 +104,10 @@ typedef struct {
 
 typedef struct {
     Sensor sensor;
+    Medium *media; /* that shapes and the sensor name, from 1 on */
+    int medium_count;
+    int eye; /* the number of that which the sensor is in, or 0 */
+    bool passing; /* light comes through boundaries that are no vertices, and through media: volpath */
     int sample_count;        /* samples per pixel that the file asks for */
     int max_depth, rr_depth; /* as Mitsuba's path: -1 no limit, 1 emission only, 2 direct light */
     bool hide_emitters, strict_normals;

@@ -21,6 +21,7 @@
 #define RANGE 1e6                  /* of the brightest light over the dimmest */
 #define DEEPEST 256                /* vertices beyond which less than a millionth of the light may come */
 #define SMALLEST_PIXEL 1e-5        /* radians */
+#define THINNEST 1e-9              /* optical thickness of the scene */
 #define MOST_REPEATS 1000          /* of a texture over (u, v) from 0 to 1 */
 #define WIDEST_IMAGE 4096
 
@@ -98,6 +99,23 @@ static bool odd_material(const Description *d, Reason reason)
     }
     return (d->max_depth < 0 || d->max_depth > DEEPEST) && cr_pow(most, DEEPEST) > 1e-5
            && because(reason, "paths of more than %d vertices, reflectance %.4g", DEEPEST, most);
+}
+
+/* M1 Media so dense that their vertices are close to each other, or so thin that paths go far out; those that hardly
+   absorb. */
+static bool odd_medium(const Description *d, double reach, Reason reason)
+{
+    for (int i = 0; d->passing && i < d->medium_count; i++) {
+        const Homogeneous *m = &d->media[i].as.homogeneous;
+        for (int c = 0; c < 3; c++) {
+            if (m->sigma_t[c] > 0 && (m->sigma_t[c] * reach * SMALLEST_GAP > 1 || m->sigma_t[c] * reach < THINNEST))
+                return because(reason, "line %d: a mean free path of %.1g in a scene of %.1g", d->media[i].line,
+                    1 / m->sigma_t[c], reach);
+            if (m->sigma_t[c] > 0 && m->albedo[c] > 0.999)
+                return because(reason, "line %d: an albedo of %.9g", d->media[i].line, m->albedo[c]);
+        }
+    }
+    return false;
 }
 
 /* What the light gives at the scene's own distance, of the order of a radiance. */
@@ -193,6 +211,7 @@ const char *precision_for(const Description *d, char *text, int size)
     Reason reason = {text, size};
     double extent = 0, reach = reach_of(d, &extent), gap = SMALLEST_GAP * reach;
     if (odd_sensor(&d->sensor, reach, reason) || odd_material(d, reason) || odd_reach(d, reach, extent, reason)
+        || odd_medium(d, reach, reason)
         || odd_range(d, reach, reason) || odd_light(d, reach, reason) || odd_size(d, reach, reason)
         || odd_height(d, reach, gap, reason) || odd_gap(d, reach, gap, reason))
         return "double";

@@ -217,7 +217,8 @@ static bool look_alike(const Description *d, int a, int b)
     const double *light = emits(d, a) ? emitter_traits(&d->emitters[one->emitter]).emission : dark;
     const double *more = emits(d, b) ? emitter_traits(&d->emitters[other->emitter]).emission : dark;
     return !memcmp(light, more, sizeof dark) && same_material(d, one->front, other->front)
-           && same_material(d, one->back, other->back);
+           && same_material(d, one->back, other->back) && one->exterior == other->exterior
+           && one->interior == other->interior;
 }
 
 /* Of those that face alike in one place the least is in front; of equals that which stands first in the file. */

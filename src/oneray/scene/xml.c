@@ -25,7 +25,8 @@ static const struct {
     {"<path>", "value", 1},
     {"<spectrum>", "name, value, type, id", 1},
     {"<blackbody>", "name, temperature, scale", 2},
-    {"<integrator>, <sensor>, <film>, <rfilter>, <sampler>, <bsdf>, <texture>, <shape>, <emitter>",
+    {"<integrator>, <sensor>, <film>, <rfilter>, <sampler>, <bsdf>, <texture>, <shape>, <emitter>, <medium>, "
+     "<phase>",
      "type, id, name", 1},
     {"<point>, <vector>", "name, value, x, y, z", 1},
     {"<transform>", "name", 1},
