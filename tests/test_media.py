@@ -531,7 +531,7 @@ SHOWN = {
     "beer": scene(body("sphere", medium(0.5, 0)) + SKY, fov=0.01),
     "two-slabs": scene(FLOOR + body("cube", medium(0.5, 0), SLAB.format(0.5, -2)) + LAMP.format(""), depth=2, fov=0.01,
                        origin="0 0 0", target="0 0 1"),
-    "depth": scene(body("sphere", "") + SKY, depth=1),
+    "depth": scene(FLOOR + body("cube", "", SLAB.format(0.5, -2)) + LAMP.format(""), depth=2, fov=1),
 }  # fmt: skip
 WAYS = {"nee": ("--estimator", "nee"), "walk-cosine": ("--estimator", "walk"), "mis-default": ()}
 
