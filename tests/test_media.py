@@ -124,7 +124,7 @@ def test_phase_function(driver: Driver, wide: list[Driver], g: float) -> None:
         c = d @ (x, y, z)
         np.testing.assert_allclose(x * x + y * y + z * z, 1, rtol=0, atol=2e-6)
         edges = np.linspace(0, 1, 41)
-        found = np.histogram(cumulative(g, np.clip(c, -1, 1)), edges)[0]
+        found = np.histogram(np.clip(cumulative(g, np.clip(c, -1, 1)), 0, 1), edges)[0]
         assert chi_squared(found, np.full(40, n / 40)) > LEVEL
         assert np.allclose(one("phase_pdf", g, d[:, None], np.array([x, y, z]))[0], pdf, rtol=1e-4)
         assert abs(c.mean() - g) < SIGMAS / np.sqrt(n)
@@ -538,7 +538,7 @@ SHOWN = {
     "beer": scene(body("sphere", medium(0.5, 0)) + SKY, fov=0.01),
     "two-slabs": scene(FLOOR + body("cube", medium(0.5, 0), SLAB.format(0.5, -2)) + LAMP.format(""), depth=2, fov=0.01,
                        origin="0 0 0", target="0 0 1"),
-    "depth": scene(body("sphere", "") + SKY, depth=1),
+    "depth": scene(FLOOR + body("cube", "", SLAB.format(0.5, -2)) + LAMP.format(""), depth=2, fov=1),
 }  # fmt: skip
 WAYS = {"nee": ("--estimator", "nee"), "walk-cosine": ("--estimator", "walk"), "mis-default": ()}
 

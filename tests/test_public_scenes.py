@@ -23,7 +23,8 @@ WRONG = {
     "textures": '<shape type="disk">\n<bsdf type="diffuse">'
     '<texture type="wood" name="reflectance"/></bsdf></shape>',
     "environment": '<emitter type="sunsky"/>',
-    "media": '<medium type="homogeneous" id="fog"/><shape type="cube"><ref id="fog"/></shape>',
+    "media": '<medium type="heterogeneous" id="fog"/>'
+    '<shape type="cube"><ref id="fog" name="interior"/></shape>',
     "missing files": '<shape type="obj"><string name="filename" value="gone.obj"/></shape>',
     "other plugins": '<shape type="teapot"/>',
     "other": '<shape type="sphere"><float name="mass" value="1"/></shape>',
