@@ -127,7 +127,7 @@ def test_a_documented_approximation_is_called_that() -> None:
 
 
 def test_one_half_alone_finds_nothing() -> None:
-    """Batches of which the first half is off, the second not for sure: no claim, though the interval says so."""
+    """The first half of the batches is off, the second not for sure: no claim, though the interval is off."""
     batches = 1 + np.r_[np.full(16, 0.05), np.tile([-0.005, 0.025], 8)]
     [value] = judging.values(("radiance",), (1.0,), batches[:, None])
     assert value.low > 1 + ALLOWED and not value.deviates
