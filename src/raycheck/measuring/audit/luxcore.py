@@ -185,7 +185,8 @@ CHECKS = (
         act=ROULETTE, report=NONE_FOUND,
     ),
     Check(
-        "luxcore-half-space-no-roulette", "luxcore", "a half space of fog without roulette, up to 128 "
+        "luxcore-half-space-no-roulette", "luxcore",
+        "a half space of fog without roulette, up to 128 "
         "bounces",
         scene(SKY, FOG, scale=0.01, depth=96, roulette=False), 64, exactly(forms.half_space, 0.9),
         HALF_SPACE, within=2e-2,
