@@ -190,8 +190,8 @@ CHECKS = (
         "bounces",
         scene(SKY, FOG, scale=0.01, depth=96, roulette=False), 64, exactly(forms.half_space, 0.9),
         HALF_SPACE, within=2e-2,
-        act="Not known; a path that is cut short loses light, so it is none of that. Few samples: take more before "
-        "looking further.",
+        act="Not known; a path that is cut short loses light, so it is none of that. Few samples: take more "
+        "before looking further.",
         report=NONE_FOUND,
     ),
 )  # fmt: skip
