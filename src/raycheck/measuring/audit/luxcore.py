@@ -113,7 +113,7 @@ ROULETTE = (
     "weigh the other "
     "one, take it without. The two weights of one path then sum to more than 1, from "
     "path.russianroulette.depth on. Both "
-    "have to have it, or neither. With roulette beyond the path's end the same scene is right."
+    "have to have it, or neither. Without roulette the closed room is right."
 )
 NONE_FOUND = "none found in the project's issues"
 
@@ -185,9 +185,13 @@ CHECKS = (
         act=ROULETTE, report=NONE_FOUND,
     ),
     Check(
-        "luxcore-half-space-no-roulette", "luxcore", "a half space of fog without roulette, up to 128 "
+        "luxcore-half-space-no-roulette", "luxcore",
+        "a half space of fog without roulette, up to 128 "
         "bounces",
-        scene(SKY, FOG, scale=0.01, depth=128, roulette=False), 256, exactly(forms.half_space, 0.9),
+        scene(SKY, FOG, scale=0.01, depth=96, roulette=False), 64, exactly(forms.half_space, 0.9),
         HALF_SPACE, within=2e-2,
+        act="Not known; a path that is cut short loses light, so it is none of that. Few samples: take more "
+        "before looking further.",
+        report=NONE_FOUND,
     ),
 )  # fmt: skip
