@@ -11,7 +11,8 @@ INLINE Mask comes_through(
     if (f.has & HAS_PASSING)
         return comes_through_boundaries(path, scene, *ray, active, target, light, f);
     path->shadow_rays += active;
-    return and_not(active, shapes_occluded(&scene->shapes, ray, active, target, f));
+    Mask arrives = and_not(active, shapes_occluded(&scene->shapes, ray, active, target, f));
+    return arrives;
 }
 
 /* L10 Next event estimation: one ray to one light, L_o ≈ (1/p_i) f_r L V A cosθi cosθo / d². L13: weighed
