@@ -125,6 +125,17 @@ def test_what_was_measured_elsewhere_says_so(folder):
     assert re.search(r'Verdicts\s+<span class="badge now">this machine: m, 2024-01-01</span>', page)
 
 
+def test_the_audit_has_a_page(folder):
+    """All its checks, each once, and the counts that docs/audit.md has."""
+    page = (folder / "pages/audit.html").read_text(encoding="utf-8")
+    found = json.loads((references_dir() / "audit.json").read_text(encoding="utf-8"))["records"]
+    assert all(page.count(f"<code>{record['id']}</code>") == 1 for record in found)
+    cells = re.search(r'<th scope="row">Mitsuba [\d.]+</th>((?:<td>\d+</td>)+)', page)
+    assert cells and sum(map(int, re.findall(r"\d+", cells[1]))) == sum(
+        record["renderer"] == "Mitsuba" for record in found
+    )
+
+
 def test_inconclusive_is_explained_where_it_is_counted(folder):
     index = (folder / "index.html").read_text(encoding="utf-8")
     assert "1 INCONCLUSIVE</b>" in index and "Nothing is\nknown to be wrong" in index

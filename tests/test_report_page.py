@@ -337,7 +337,7 @@ SEVERE = ("serious", "critical")
 def pages(made: tuple[Path, str]) -> list[Path]:
     """One of each kind."""
     folder = made[0].parents[1]
-    names = ("scene-furnace", "technique-nee", "speed", "stability")
+    names = ("scene-furnace", "technique-nee", "speed", "stability", "audit")
     return [folder / "index.html", *(folder / f"pages/{name}.html" for name in names)]
 
 

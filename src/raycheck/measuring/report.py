@@ -22,6 +22,8 @@ from raycheck.judging.cases import Case, Verification
 from raycheck.judging.verdict_pages import VERDICTS, page_name
 from raycheck.judging.verify import verify
 from raycheck.measuring import log_log, price_tables, prices, race_plots, speed
+from raycheck.measuring.audit import results as audits
+from raycheck.measuring.audit import tables
 from raycheck.measuring.contestants import oneray_line
 from raycheck.measuring.matrix import matrix
 from raycheck.measuring.races.curves import Curve, SceneCurves
@@ -123,6 +125,7 @@ def write_report(
     """
     measured = speed_section(benchmark)
     stiff = stability_section(stability)
+    audited = audit_section()
     wanted = list(scenes) or [variants.variant(name) for name in variants.scene_names()]
     verdicts = _verdicts(verification, on_case, scenes)
     oneray = oneray_path()
@@ -144,7 +147,8 @@ def write_report(
     site.page(
         INDEX, "One scene file, two renderers, one verdict", "index.html", sections=sections, cases=cases,
         races=raced, lecture=_lecture(oneray, site) if LECTURE_SCENE in labels else [], speed=measured,
-        stability=stiff, summary=_summary(cases), machine=machine(), version=raycheck_version(),
+        stability=stiff, audit=audited, summary=_summary(cases), machine=machine(),
+        version=raycheck_version(),
         techniques=TECHNIQUES, matrix=matrix(wanted, cases), lecture_spp=LECTURE_SPP,
         failed=[case for case in cases if case["verdict"] == Outcome.FAIL], **common,
     )  # fmt: skip
@@ -166,6 +170,8 @@ def write_report(
         if found:
             site.page(name, name.title(), f"{name}.html", data=True, **{name: found}, **common)
             site.data(name, {"plots": found["drawn"]})
+    if audited:
+        site.page("audit", "Audit", "audit.html", audit=audited, **common)
     return site.finish("One scene file, two renderers, one verdict")
 
 
@@ -410,6 +416,19 @@ def stability_section(path: Path | None) -> dict[str, Any] | None:
     found = plots.section(path or kept, compared if compared.is_file() else None)
     drawn = [plot.drawn for case in found["cases"] for plot in case.plots]
     return found | {"drawn": drawn, "badge": _badge(found, path or kept)}
+
+
+def audit_section() -> dict[str, Any] | None:
+    """What audit.html shows of the references' audit of renderers; None without one."""
+    kept = data.references_dir() / "audit.json"
+    if not kept.is_file():
+        return None
+    records, header = audits.read(kept)
+    intervals = sum(len(one.values) for one in records)
+    return tables.for_report(records) | {
+        "badge": _badge(header, kept), "intervals": intervals, "level": f"{header['level']:g}".replace("e-0", "e-"),
+        "alarms": f"{intervals * header['level']:.2g}",
+    }  # fmt: skip
 
 
 def _about(scene: Path) -> str:

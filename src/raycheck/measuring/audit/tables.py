@@ -61,14 +61,34 @@ def health(records: Sequence[Record]) -> str:
     return head + "\n".join(rows)
 
 
+VERDICTS = ("finding", "documented approximation", "health", "undecided")
+
+
+def counts(records: Sequence[Record]) -> dict[str, list[int]]:
+    """How many of each verdict, by renderer with its version."""
+    found: dict[str, list[int]] = {}
+    for one in records:
+        row = found.setdefault(f"{one.renderer} {one.version}", [0] * len(VERDICTS))
+        row[VERDICTS.index(one.verdict)] += 1
+    return found
+
+
+def for_report(records: Sequence[Record]) -> dict[str, Any]:
+    """What the report's page shows of them."""
+    rows = [{"id": one.id, "says": one.says, "off": deviation(worst(one))} for one in records]
+    by_verdict = {
+        verdict: [row for row, one in zip(rows, records, strict=True) if one.verdict == verdict]
+        for verdict in VERDICTS
+    }
+    return {"verdicts": VERDICTS, "counts": counts(records), "by_verdict": by_verdict}
+
+
 def summary(records: Sequence[Record]) -> str:
     """How many of each verdict, by renderer."""
-    verdicts = ("finding", "documented approximation", "health", "undecided")
-    rows = []
-    for renderer in dict.fromkeys(one.renderer for one in records):
-        own = [one for one in records if one.renderer == renderer]
-        counts = [sum(one.verdict == verdict for one in own) for verdict in verdicts]
-        rows.append(f"| {renderer} {own[0].version} | " + " | ".join(str(n) for n in counts) + " |")
+    rows = [
+        f"| {renderer} | " + " | ".join(str(n) for n in row) + " |"
+        for renderer, row in counts(records).items()
+    ]
     head = "| | findings | documented approximations | health | undecided |\n"
     return head + "| --- | ---: | ---: | ---: | ---: |\n" + "\n".join(rows)
 
