@@ -426,7 +426,8 @@ def audit_section() -> dict[str, Any] | None:
     records, header = audits.read(kept)
     intervals = sum(len(one.values) for one in records)
     return tables.for_report(records) | {
-        "badge": _badge(header, kept), "intervals": intervals, "level": f"{header['level']:g}".replace("e-0", "e-"),
+        "badge": _badge(header, kept), "intervals": intervals,
+        "level": f"{header['level']:g}".replace("e-0", "e-"),
         "alarms": f"{intervals * header['level']:.2g}",
     }  # fmt: skip
 
