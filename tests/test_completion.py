@@ -48,7 +48,7 @@ def completed(line: str, folder: Path) -> list[str]:
         ("raycheck calibrate nul", ["nulls"]),
         ("raycheck completion z", ["zsh"]),
         ("raycheck report --against m", ["mitsuba"]),
-        ("oneray --estimator ", ["walk", "nee", "mis", "light", "bidirectional"]),
+        ("oneray --estimator ", ["walk", "nee", "mis", "light", "bidirectional", "photons"]),
         ("oneray --estimator = w", ["walk"]),
         ("oneray --light-choice =", ["uniform", "power", "contribution", "learned", "resampled"]),
         ("oneray a.xml --checkpoint-s", ["--checkpoint-seconds"]),

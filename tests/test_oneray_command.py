@@ -315,7 +315,7 @@ def test_help_and_version(oneray: Path) -> None:
     line = re.compile(r"^ +(\w+) *\*? +(.*)$", re.MULTILINE)
     values = {option: dict(line.findall(listed)) for option, listed in found}
     assert {option: " ".join(listed) for option, listed in values.items()} == {
-        "--estimator": "walk nee mis light bidirectional",
+        "--estimator": "walk nee mis light bidirectional photons",
         "--hemisphere": "uniform cosine",
         "--normals": "all visible",
         "--light-choice": "uniform power contribution learned resampled",

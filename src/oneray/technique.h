@@ -13,7 +13,7 @@
     X(ESTIMATOR_BIDIRECTIONAL, "bidirectional",                                                              \
         "T1 both ways at once: each vertex of a path from a light joined to each from the eye")              \
     X(ESTIMATOR_PHOTONS, "photons",                                                                          \
-        "T2 photon map: light is gathered where paths from the lights came; consistent, not unbiased")
+        "T2 photon map: light gathered where paths from lights came; consistent, not unbiased")
 
 #define HEMISPHERES(X)                                                                                       \
     X(HEMISPHERE_UNIFORM, "uniform", "L8 uniform, scaled by 2 pi")                                           \
