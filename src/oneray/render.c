@@ -72,6 +72,10 @@ static void check_endless(const Render *r)
             "--estimator light wants such surfaces out of view",
             r->options->scene, (long long)(r->counters.unreachable % width),
             (long long)(r->counters.unreachable / width));
+    if (r->counters.endless >= PHOTON_PATHS)
+        die("%s: light path %lld did not end within %d vertices: the scene is closed and absorbs nothing; give it a "
+            "max_depth",
+            r->options->scene, (long long)(r->counters.endless - PHOTON_PATHS), PATH_LIMIT);
     if (r->counters.endless >= 0)
         die("%s: pixel (%lld, %lld): a path did not end within %d vertices: the scene is closed and absorbs "
             "nothing; give it a max_depth",

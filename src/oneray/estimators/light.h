@@ -85,22 +85,37 @@ INLINE void join_eye(Path *path, const Scene *scene, const Surface *s, Mask acti
         light_scale(flux, received(cosine, f) * eye.weight), arrives, f);
 }
 
-/* One vertex of a light path. Its n-th is the eye's path of n + 1 rays: max_depth counts those. */
-STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[], Splats *splats, Features f)
+/* The next vertex of a light path; false: no lane has one. Its n-th is the eye's path of n + 1 rays: max_depth counts
+   those. */
+INLINE bool light_path_arrives(Path *path, const Scene *scene, Surface *surface, Features f)
 {
     Mask front;
     Hit hit = next_hit(path, scene, mask_none(), f);
     if (!any(path->alive))
-        return;
-    Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
+        return false;
+    *surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
     path->alive = goes_on(path, scene, hit);
-    if (!any(path->alive))
+    if (f.has & HAS_SMOOTH)
+        path->flux = light_scale(path->flux, arriving_flux(surface));
+    return any(path->alive);
+}
+
+INLINE void light_path_goes_on(
+    Path *path, const Scene *scene, const Surface *s, const Real direction[2], Features f)
+{
+    Uniforms choice = choices(path, f);
+    bounce(path, scene, s, choice.u + 2, direction, f);
+    if (f.has & HAS_SMOOTH)
+        path->flux = light_scale(path->flux, face_over_shading(s, path->ray.d));
+}
+
+/* One vertex of a light path. */
+STAGE void light_path_step(Path *path, const Scene *scene, const size_t items[], Splats *splats, Features f)
+{
+    Surface surface;
+    if (!light_path_arrives(path, scene, &surface, f))
         return;
-    if (f.has & HAS_SMOOTH)
-        path->flux = light_scale(path->flux, arriving_flux(&surface));
-    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f);
     join_eye(path, scene, &surface, and_not(path->alive, surface.delta), random.u, items, splats, f);
-    bounce(path, scene, &surface, choice.u + 2, random.u + 2, f);
-    if (f.has & HAS_SMOOTH)
-        path->flux = light_scale(path->flux, face_over_shading(&surface, path->ray.d));
+    light_path_goes_on(path, scene, &surface, random.u + 2, f);
 }

@@ -46,26 +46,18 @@ INLINE void keep_photons(
     }
 }
 
-/* One vertex of a light path. The eye has one edge at least. */
+/* One vertex of a light path. */
 STAGE void photon_step(Path *path, const Scene *scene, const size_t items[], Photons *photons, Features f)
 {
-    Mask front;
-    Hit hit = next_hit(path, scene, mask_none(), f);
-    if (!any(path->alive))
+    Surface surface;
+    if (!light_path_arrives(path, scene, &surface, f))
         return;
-    Surface surface = surface_at(&scene->shapes, &scene->materials, &path->ray, hit, &front, f);
-    path->alive = goes_on(path, scene, hit);
-    if (f.has & HAS_SMOOTH)
-        path->flux = light_scale(path->flux, arriving_flux(&surface));
+    Mask scatters = and_not(path->alive, surface.delta);
     if (!(f.has & BRIGHT_WHERE_BLACK))
-        path->alive &= light_max(surface.reflectance) > real(0);
-    if (!any(path->alive))
-        return;
-    keep_photons(photons, path, &surface, items, and_not(path->alive, surface.delta));
-    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f), choice = choices(path, f);
-    bounce(path, scene, &surface, choice.u + 2, random.u + 2, f);
-    if (f.has & HAS_SMOOTH)
-        path->flux = light_scale(path->flux, face_over_shading(&surface, path->ray.d));
+        scatters &= light_max(surface.reflectance) > real(0);
+    keep_photons(photons, path, &surface, items, scatters);
+    Uniforms random = random_block(&path->rng, path->depth, DIMENSION_VERTEX, f);
+    light_path_goes_on(path, scene, &surface, random.u + 2, f);
 }
 
 /* The photons that a lane's point gathers, one after the other. */
